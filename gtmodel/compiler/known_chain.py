@@ -290,7 +290,7 @@ def _turned(q: ca.SX, low: float, high: float) -> ca.SX:
     inside the only one."""
     if np.isfinite(low) and np.isfinite(high):
         middle = (low + high) / 2
-        return q if middle == 0.0 else nearest_turn(q, middle)
+        return nearest_turn(q, middle)
     if np.isfinite(low):
         return q if low <= -np.pi else q + 2 * np.pi * ca.fmax(0.0, ca.ceil((low - q) / (2 * np.pi)))
     if np.isfinite(high):

@@ -310,6 +310,9 @@ LOOK = "the notes say what to look at"
 READ = f"{LOOK}; if the data are right, name the alarm in accept"
 UNEXPLAINED = 0.5  # rms of the residuals over rms of the effort: above, the model does not belong to the log
 FAR = 300.0  # times the nominal value: a unit off by a factor of 1000, not a payload
+# times the nominal values, of the median parameter: nominal values err either way, a unit off by 10 or 57 moves most of
+# the parameters together
+TYPICAL, ENOUGH = 5.0, 4  # ENOUGH: parameters of a median
 SATURATED = 0.02  # of the samples at the largest or smallest reading: noise alone does not stay there
 PILED = 5.0  # times as many samples as at the next reading: a coarse reading of a smooth peak has up to 2.5
 
@@ -388,9 +391,11 @@ def judged(
 
 
 def _far_off(identification: Identification, base: Sequence[str]) -> list[str]:
-    """A sentence if a parameter is off by the factor of a wrong unit of position, time or effort, or if all are.
+    """A sentence if a parameter, all of them, or their median is off by the factor of a wrong unit of position, time or
+    effort.
 
-    Those of `base` are sums and differences, which may be small.
+    Those of `base` are sums and differences, which may be small. A nominal value of one counts for the median as
+    unknown.
     """
     rows, e = identification.rows, identification.estimate
     sized = np.where(negligible(rows.nominal, rows.units), 0.0, rows.nominal)
@@ -400,7 +405,14 @@ def _far_off(identification: Identification, base: Sequence[str]) -> list[str]:
     ratios = {n: abs(e.value(n) / nominal[n]) for n in nonzero}
     far = [n for n in nonzero if ratios[n] > FAR] or (nonzero if nonzero and max(ratios.values()) < 1 / FAR else [])
     if not far:
-        return []
+        stated = [ratios[n] for n in nonzero if nominal[n] != 1.0]
+        median = float(np.median(stated)) if len(stated) >= ENOUGH else 1.0
+        if 1 / TYPICAL <= median <= TYPICAL:
+            return []
+        return [
+            f"the median parameter is {median:.3g} times its nominal value; check the units of time, position and "
+            "efforts, and the nominal values"
+        ]
     return [f"{far[0]} is {ratios[far[0]]:.3g} times its nominal value; check the units of time, position and efforts"]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from gtmodel.inference import FALSE_ALARM, newey_west
 from gtmodel.inference.chance import f_chance
-from gtmodel.inference.covariance import white
+from gtmodel.inference.covariance import larger, white
 from gtmodel.results.estimate import half_width
 
 from .._lazy import hint
@@ -101,9 +101,8 @@ def delay_of(identification: Identification) -> Delay | None:
         covariance = newey_west(J, residuals, starts=rows.starts)
     else:
         covariance = white(J.reshape(-1, k), float(np.sum(residuals**2)) / degrees_of_freedom, scale=1 / scale)
-    # the larger of two: noise that grows with the speed is not white although its autocorrelation is
-    robust = newey_west(J, residuals, starts=rows.starts, lags=0)
-    std = np.sqrt(np.maximum(np.diag(covariance), np.diag(robust)))
+    # noise that grows with the speed is not white although its autocorrelation is
+    std = np.sqrt(np.diag(larger(covariance, newey_west(J, residuals, starts=rows.starts, lags=0))))
     if not std[-1] > 0:  # efforts without noise
         return None
     # relative to the intervals of the result

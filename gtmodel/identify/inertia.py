@@ -24,6 +24,7 @@ from gtmodel.inference import (
     whiteness,
 )
 from gtmodel.inference.chance import f_chance, f_test
+from gtmodel.inference.covariance import larger
 from gtmodel.lang import ModelError
 from gtmodel.results.estimate import Estimate
 
@@ -208,7 +209,8 @@ def identify(
         nonnegative: which free parameters must not be negative, as masses and friction: all, none, or these names. An
             active-set method finds the bounded optimum; the result lists parameters held at zero.
         confidence: what the covariance assumes about the residuals: "white", "newey_west" (coloured, sandwich), or
-            "auto", which takes "newey_west" if the residuals of a target are not white.
+            "auto", which takes "newey_west" if the residuals of a target are not white. The variances of "auto" are at
+            least those of the sandwich without lags, which allows for noise that grows with the speed.
         noise: known standard deviation of the filtered efforts (m,); None takes that of the residuals.
         test: groups of fixed parameters to test for in the residuals; by default one group per array.
 
@@ -252,9 +254,10 @@ def identify(
     residuals = equations.residuals(estimate)
     verdicts = tuple(whiteness(r) for r in residuals.T)
     coloured = confidence == "newey_west" or (confidence == "auto" and not all(v.passed for v in verdicts))
-    if coloured:
-        unbounded = equations.sandwich(unbounded, size)
-        estimate = equations.sandwich(estimate, size) if negative else unbounded
+    uneven = confidence == "auto" and noise is None
+    if coloured or uneven:
+        unbounded = equations.sandwich(unbounded, size, coloured, uneven)
+        estimate = equations.sandwich(estimate, size, coloured, uneven) if negative else unbounded
     groups = _groups(rows, equations.rest) if test is None else [g for g in (among(rows.names, g) for g in test) if g]
     weighted = rows.columns(chosen, size)
     return Identification(
@@ -305,10 +308,13 @@ class _LeastSquares:
         """Measured minus modelled efforts (n, m)."""
         return self.b - self.A @ np.array([estimate.value(n) for n in self.names])
 
-    def sandwich(self, estimate: Estimate, size: Array) -> Estimate:
-        """The estimate with the covariance for coloured residuals."""
+    def sandwich(self, estimate: Estimate, size: Array, coloured: bool, uneven: bool) -> Estimate:
+        """The estimate with the covariance for coloured residuals, for residuals of uneven variance, or both."""
         free = [self.names.index(n) for n in estimate.names]
-        covariance = newey_west(self.A[:, :, free] / size[:, None], self.residuals(estimate) / size, starts=self.starts)
+        J, r = self.A[:, :, free] / size[:, None], self.residuals(estimate) / size
+        covariance = newey_west(J, r, starts=self.starts) if coloured else estimate.covariance
+        if uneven:
+            covariance = larger(covariance, newey_west(J, r, starts=self.starts, lags=0))
         return replace(estimate, covariance=covariance)
 
 

@@ -86,7 +86,8 @@ class Fitting(Options):
     ] = field(default_factory=lambda: [0.0, 0.0, 0.0])  # fmt: skip
     confidence: Annotated[
         Literal["auto", "white", "newey_west"],
-        "assumption of the intervals about the residuals; auto takes newey_west if they are coloured",
+        "assumption of the intervals about the residuals; auto takes newey_west if they are coloured, and allows for "
+        "noise that grows with the speed",
     ] = "auto"
     drift: Annotated[
         bool, 'whether the estimated offsets of the efforts (offset = "estimate") drift linearly over each recording'

@@ -50,12 +50,12 @@ class Rows:
 
     The parameters have `names`, `nominal` values (p,) and `units`, the efforts `targets` (m,) and `effort_unit`. Each
     row has a `time` (n,) [s], `position` and `velocity` (n, k), and the rates `effort_rate` (n, m) of the efforts,
-    filtered alike; a delay adds a multiple of these. Recordings, and stretches between their
-    gaps, begin at the rows `starts`; `too_short` stretches have no rows. The filter has the cut-off
-    `cutoff_Hz`; only every `every`-th sample is used, so that rows are `interval` [s] apart; the share `dropped` of the
-    samples is slower than `threshold` [`velocity_unit`]. `synthetic` is the note of a synthetic log. Parameters in
-    `signed` may be negative even if masses and friction may not. `target_units` (m,) are the units of the efforts of an
-    arm with revolute and prismatic joints; otherwise it is empty.
+    filtered alike; a delay adds a multiple of these. Recordings, and stretches between their gaps, begin at the rows
+    `starts`; `too_short` stretches have no rows. `recording` (n,) numbers the recording of each row. The filter
+    has the cut-off `cutoff_Hz`; only every `every`-th sample is used, so that rows are `interval` [s] apart; the share
+    `dropped` of the samples is slower than `threshold` [`velocity_unit`]. `synthetic` is the note of a synthetic log.
+    Parameters in `signed` may be negative even if masses and friction may not. `target_units` (m,) are the units of the
+    efforts of an arm with revolute and prismatic joints; otherwise it is empty.
     """
 
     names: tuple[str, ...]
@@ -81,6 +81,7 @@ class Rows:
     effort_rate: Array | None = None
     target_units: tuple[str, ...] = ()
     too_short: int = 0
+    recording: Array | None = None
 
     @property
     def units_of_targets(self) -> tuple[str, ...]:
@@ -107,7 +108,7 @@ class Rows:
     def chosen(self, kept: Array) -> Rows:
         """The rows at these indices, in order; `starts` is adapted."""
         starts = np.unique(np.searchsorted(kept, self.starts))
-        arrays = ("Y", "y0", "effort", "time", "position", "velocity", "effort_rate")
+        arrays = ("Y", "y0", "effort", "time", "position", "velocity", "effort_rate", "recording")
         selected = {n: v[kept] for n in arrays if (v := getattr(self, n)) is not None}
         return replace(self, starts=tuple(int(k) for k in starts if k < len(kept)), **selected)
 
@@ -211,6 +212,7 @@ def rows_of(
         velocity_unit=unit,
         target_units=regressor.column_units,
         too_short=kept.count(False),
+        recording=np.repeat(recordings, lengths),
         **joined,
     )
 
@@ -234,8 +236,8 @@ def recorded(sessions: Sequence[Session], signals: Sequence[str]) -> Data:
 def with_offsets(rows: Rows, signal: str, *, per_session: bool = True, drift: bool = False) -> Rows:
     """Return the rows with offsets of the measured efforts as further parameters, by recording or one for all.
 
-    Each stretch between gaps has its own, because offsets drift; a stretch without rows has none. With `drift` each
-    also has a linear drift [effort/s] about its middle, such as "tau.drift[0]".
+    Without `drift` each stretch between gaps has its own, because offsets drift; a stretch without rows has none. With
+    `drift` each recording has one, and a linear drift [effort/s] about its middle, such as "tau.drift[0]".
 
     They are named as by `Corrections`, such as "tau.offset[0] of session 2", and may be negative. An offset is the
     reading at zero effort. Free offsets widen the intervals of the other parameters.
@@ -255,29 +257,24 @@ def with_offsets(rows: Rows, signal: str, *, per_session: bool = True, drift: bo
     ('m', 'd', 'c', 'tau.offset')
     """
     n, m = rows.effort.shape
-    lengths = np.diff([*rows.starts, n])
-    numbers = np.flatnonzero(lengths).tolist() if per_session else [0]
-    count, several = len(numbers), per_session and len(lengths) > 1
-    names = [
-        f"{signal}.offset{f'[{i}]' if m > 1 else ''}{f' of session {k + 1}' if several else ''}"
-        for k in numbers
-        for i in range(m)
-    ]
-    filled = lengths[lengths > 0].tolist()
-    columns = offset_columns(filled, m, per_session=per_session).reshape(n, m, len(names))
-    units = rows.units_of_targets * count
+    part = np.searchsorted(rows.starts, np.arange(n), side="right") - 1
+    if drift and rows.recording is not None:
+        part = rows.recording
+    numbers, counts = np.unique(part, return_counts=True)
+    labels = [f" of session {k + 1}" for k in numbers] if part[-1] else [""]
+
+    def named(what: str, labels: Sequence[str]) -> list[str]:
+        return [f"{signal}.{what}{f'[{i}]' if m > 1 else ''}{label}" for label in labels for i in range(m)]
+
+    names = named("offset", labels if per_session else [""])
+    columns = offset_columns(counts, m, per_session=per_session).reshape(n, m, -1)
+    units = rows.units_of_targets * (len(names) // m)
     if drift:
-        parts = np.flatnonzero(lengths).tolist()
-        names += [
-            f"{signal}.drift{f'[{i}]' if m > 1 else ''}{f' of session {k + 1}' if len(lengths) > 1 else ''}"
-            for k in parts
-            for i in range(m)
-        ]
-        middle = [0.5 * (t[0] + t[-1]) for t in (rows.part(k).time for k in parts)]
-        since = rows.time - np.repeat(middle, filled)
-        slopes = offset_columns(filled, m).reshape(n, m, -1) * since[:, None, None]
-        columns = np.concatenate([columns, slopes], axis=2)
-        units += tuple(f"{unit}/s" for unit in rows.units_of_targets) * len(parts)
+        middle = [0.5 * (t[0] + t[-1]) for t in np.split(rows.time, np.cumsum(counts)[:-1])]
+        since = rows.time - np.repeat(middle, counts)
+        columns = np.concatenate([columns, offset_columns(counts, m).reshape(n, m, -1) * since[:, None, None]], axis=2)
+        names += named("drift", labels)
+        units += tuple(f"{unit}/s" for unit in rows.units_of_targets) * len(counts)
     return replace(
         rows,
         names=(*rows.names, *names),

@@ -205,6 +205,23 @@ def newey_west(
     return carried(bread, meat) * total / (total - n) * wider**2
 
 
+def larger(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return a covariance (n, n) with the larger variance of each parameter in two, and the correlations of the first.
+
+    A sandwich covariance is uncertain and, in short logs, too small on average; one for white noise of equal variance
+    is too small if the noise is larger where a parameter matters most.
+    Source: Angrist and Pischke 2009, Mostly Harmless Econometrics, section 8.1.
+
+    >>> from gtmodel.inference.covariance import larger
+    >>> larger(np.array([[1.0, 0.5], [0.5, 1.0]]), np.diag([4.0, 0.2]))
+    array([[4., 1.],
+           [1., 1.]])
+    """
+    own, other = np.diag(first), np.diag(second)
+    factor = np.sqrt(np.where(own > 0, np.maximum(other / np.where(own > 0, own, 1.0), 1.0), 1.0))
+    return first * np.outer(factor, factor)
+
+
 def fixed_b(b: float) -> float:
     """Return the factor on a normal 95 % interval if the Bartlett bandwidth is the share b of the samples.
 

@@ -102,3 +102,15 @@ def test_the_basis_is_zero_at_its_origin() -> None:
         ("linear", "temperature"), np.arange(3.0), None, np.array([290.0, 291.0, 295.0]), origin=(1.0, 291.0)
     )
     assert [column.tolist() for _, _, column in basis.columns()] == [[-1.0, 0.0, 1.0], [-1.0, 0.0, 4.0]]
+
+
+def test_a_synthetic_log_with_a_drift_is_judged_by_its_truth() -> None:
+    study = gt.filtering.attitude_study(
+        replace(MADE, drift=4e-4, seed=3),
+        gt.filtering.AttitudeJudging(gaps=(0.5,), sample_period=MADE.sample_period, drift="linear"),
+    )
+    assert study.checks["true_numbers"].passed and study.checks["gyro_drift"].passed
+    for k in range(3):
+        low, high = study.interval(f"bias_drift[{k}]", 0.999)
+        # the sensor's axes lie within 5 degrees of the body's
+        assert low < 4e-4 * 1.1 and high > 4e-4 * 0.9

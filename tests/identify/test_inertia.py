@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -221,6 +223,39 @@ def test_offsets_of_two_sessions_are_parameters_with_intervals():
     assert found.estimate.value("m_p") == pytest.approx(plant().m_p, abs=0.01)
     together = with_offsets(rows_of(recordings, regressor(), WIDE), "tau", per_session=False)
     assert identify(together).estimate.values[-3:] == pytest.approx(np.mean(shifts, axis=0), abs=3.0)
+
+
+def test_stretches_between_gaps_share_offset_and_drift():
+    log = session(NOISY, 1, SHORT).trajectory
+    n, drift = len(log), np.array([0.8, -0.5, 0.3])  # N/s
+    tau = log["tau"] + 20.0 + drift * log.time[:, None]
+    parts = []
+    for stretch, part in enumerate([slice(0, n // 2 - 60), slice(n // 2, n)]):
+        values = {"q": log["q"][part], "tau": tau[part]}
+        parts.append(Session("gaps", gt.Trajectory(log.time[part], values, log.units), SAMPLE_TIME, stretch))
+    rows = rows_of(parts, regressor(), Processing())
+    # a stretch of one row, whose own drift nothing would determine
+    rows = rows.chosen(np.concatenate([np.arange(rows.starts[1]), [rows.starts[1] + 20]]))
+    assert len(rows.starts) == 2
+    rows = with_offsets(rows, "tau", drift=True)
+    assert rows.names[-6:] == tuple(f"tau.{what}[{i}]" for what in ("offset", "drift") for i in range(3))
+    e = identify(rows).estimate
+    for i in range(3):
+        name = f"tau.drift[{i}]"
+        assert abs(e.value(name) - drift[i]) < 4 * e.std[e.names.index(name)] < 2.0
+
+
+def test_intervals_allow_for_noise_that_grows_with_a_column():
+    """White 1980: without lags the sandwich is valid for uneven variances, sigma2 (J'J)^-1 is not."""
+    rows = short_rows()
+    strong = rows.Y[:, :, 0] / np.sqrt(np.mean(rows.Y[:, :, 0] ** 2))
+    noise = NOISE * np.random.default_rng(5).normal(size=strong.shape)
+    even, uneven = (replace(rows, effort=rows.Y @ rows.nominal + rows.y0 + noise * s) for s in (1.0, strong**2))
+    for r, least, most in ((even, 1.0, 1.2), (uneven, 1.3, 3.0)):
+        fits = [identify(r, nonnegative=False, confidence=c) for c in ("auto", "white")]
+        ratio = fits[0].estimate.std / fits[1].estimate.std
+        assert np.all(ratio >= 1 - 1e-12) or fits[0].confidence == "newey_west"
+        assert least - 1e-12 <= ratio[0] < most
 
 
 def test_the_scale_of_the_forces_is_refused():

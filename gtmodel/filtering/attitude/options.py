@@ -58,6 +58,7 @@ class SyntheticAttitude(Options):
     offset: Annotated[float, Unit("s"), "of the reference's clock"] = 0.002
     relative: Annotated[float, Within(least=0), "deviation of the gyro's error over the rate; persists for 2 s"] = 0.006
     noise: Annotated[float, Unit("rad/s"), Within(least=0), "noise of one reading of the gyro"] = 7e-4
+    drift: Annotated[float, Unit("rad/s2"), "rate of change of the gyro's bias, the same on its three axes"] = 0.0
     lost: Annotated[int, Within(least=0), "missing rows"] = 5
     seed: Annotated[int, Within(least=0), "seed of the motion and of all noise"] = 0
 

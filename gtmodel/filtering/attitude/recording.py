@@ -106,7 +106,8 @@ def synthetic_attitude(options: SyntheticAttitude | None = None) -> SyntheticTru
     fine = np.arange(-BUFFERED - 0.1, o.duration + 0.2, FINE)
     rate = _motion(fine, rng)
     matrix = Rotation.from_rotvec(TRUE_TURN).as_matrix() @ np.array(TRUE_STRETCH)
-    truth = RateCorrection(matrix, np.array(TRUE_BIAS), o.offset)
+    drift = np.full(3, o.drift)
+    truth = RateCorrection(matrix, np.array(TRUE_BIAS), o.offset, (matrix @ drift)[None][: int(bool(o.drift))])
     taken = np.arange(-BUFFERED, o.duration, o.sample_period)
     reference_time = _exchanges(o, rng)
     stamps = _arrivals(taken, reference_time - o.offset, rng)
@@ -116,6 +117,7 @@ def synthetic_attitude(options: SyntheticAttitude | None = None) -> SyntheticTru
     error = o.relative * _slow_noise(fine, rng) * np.linalg.norm(rate, axis=1)[:, None]
     read = np.column_stack([np.interp(taken, fine, (rate + error)[:, k]) for k in range(3)])
     read = (read + truth.bias) @ np.linalg.inv(matrix).T + o.noise * rng.standard_normal(read.shape)
+    read += np.outer(taken, drift)
     none = RateCorrection(np.eye(3), np.zeros(3))
     body = gyro_path(fine, rate, np.sort(np.concatenate([fine[:1], taken])), none).turn[1:]
     up = (Rotation.from_rotvec(TRUE_TURN).inv() * body.inv()).apply([0.0, 0.0, 1.0])
@@ -125,6 +127,7 @@ def synthetic_attitude(options: SyntheticAttitude | None = None) -> SyntheticTru
     synthetic = (
         f"synthetic, seed {o.seed}: relative error of the gyro {o.relative:g}, noise {o.noise / DEGREE:.3g} deg/s, "
         f"stamps of the references in steps of {o.resolution:g} s"
+        + (f", drift of the gyro {o.drift / DEGREE:.3g} deg/s2" if o.drift else "")
     )
     gyro = Trajectory(
         stamps[rows], {"rate": (np.round(read / DEGREE / COUNT) * COUNT)[rows], "acceleration": acceleration[rows]},
