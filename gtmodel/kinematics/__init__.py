@@ -14,6 +14,8 @@ singularity       distance of a pose from a singularity, as lengths and angles
 postures          all postures of a serial arm for poses: named branches, limits, nearest ones; a Postures
 chain_of          joint axes of an arm's model: a Chain, the argument of `postures` and `closed_form`
 ElbowAngle        redundancy of seven joints resolved by the elbow; LockedJoint: by a joint that is held
+link_distances    distances of an arm's links from each other and from obstacles: a LinkDistances; declared by a
+                  `Clearance` of LinkCapsule, CapsuleObstacle, BoxObstacle, PlaneObstacle
 MotionMaps        velocity and acceleration maps of any position causality
 
 Measured guideways
@@ -49,6 +51,7 @@ if TYPE_CHECKING:
         accuracy as accuracy,
         assembly_modes as assembly_modes,
         causality as causality,
+        clearance as clearance,
         mobility as mobility,
         section as section,
         singularity as singularity,
@@ -57,6 +60,16 @@ if TYPE_CHECKING:
     from .accuracy import AccuracyStudy as AccuracyStudy, accuracy_study as accuracy_study
     from .assembly_modes import ModesStudy as ModesStudy, modes_study as modes_study
     from .causality import CausalityStudy as CausalityStudy, causality_study as causality_study
+    from .clearance import (
+        BoxObstacle as BoxObstacle,
+        CapsuleObstacle as CapsuleObstacle,
+        Clearance as Clearance,
+        LeastDistance as LeastDistance,
+        LinkCapsule as LinkCapsule,
+        LinkDistances as LinkDistances,
+        PlaneObstacle as PlaneObstacle,
+        link_distances as link_distances,
+    )
     from .orientation import OrientationMap as OrientationMap, grid as grid, orientation_map as orientation_map
     from .serial_chain import chain_of as chain_of
     from .singularity import MotionMaps as MotionMaps
