@@ -142,18 +142,18 @@ def link_distances(robot: Model, clearance: Clearance) -> LinkDistances:
             "is empty, and the robot's file has no collision geometry of spheres, cylinders or boxes; declare capsules",
             "capsules",
         )
-    left_out = []
-    for n, pair in enumerate(clearance.left_out):
+    ignored = []
+    for n, pair in enumerate(clearance.ignored):
         if len(pair) != 2 or not set(pair) <= set(places) | set(merged):
-            raise ArgumentError(f"expected two links of {', '.join(places)}; found {pair}", f"left_out[{n}]")
-        left_out.append(set(pair))
+            raise ArgumentError(f"expected two links of {', '.join(places)}; found {pair}", f"ignored[{n}]")
+        ignored.append(set(pair))
     first = len(bodies)
     bodies += _obstacles(clearance)
     pairs = [
         (i, j)
         for i, j in combinations(range(first), 2)
         if abs(int(bodies[i].frame or 0) - int(bodies[j].frame or 0)) > 1
-        and {bodies[i].name, bodies[j].name} not in left_out
+        and {bodies[i].name, bodies[j].name} not in ignored
     ]
     pairs += [(i, j) for i in range(first) for j in range(first, len(bodies)) if bodies[i].frame]
     return LinkDistances(robot, tuple(bodies), tuple(pairs))

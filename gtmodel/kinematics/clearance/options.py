@@ -67,7 +67,7 @@ class Clearance(Options):
     capsules: Annotated[
         list[LinkCapsule], "capsules around links, in place of those that the URDF gives to these links"
     ] = field(default_factory=list)  # fmt: skip
-    left_out: Annotated[
+    ignored: Annotated[
         list[list[str]], "further pairs of links that are not compared, such as [[\"wrist_1\", \"wrist_3\"]]"
     ] = field(default_factory=list)  # fmt: skip
     obstacles: Annotated[list[CapsuleObstacle], "capsules and spheres to avoid"] = field(default_factory=list)

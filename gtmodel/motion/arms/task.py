@@ -251,7 +251,7 @@ def task_of(
             if stop.prescribed and least is not None and least.distance < clearance.distance:
                 raise ArgumentError(
                     f"has {least}; expected at least {1e3 * clearance.distance:g} mm: move it, or leave the pair out "
-                    "with clearance.left_out",
+                    "with clearance.ignored",
                     f"{stop.name}.q",
                 )
     return task
@@ -278,10 +278,17 @@ def _stop(task: ArmTask, name: str, pose: ArmPose, rest: bool, revolute: list[bo
         wanted = np.asarray(compile_causal(task.robot, known="q", targets="R")(before)[0])
     chain = chain_of(task.robot)
     found = postures(chain, T, wanted, limits=bounds, near=before)
-    good = [q for q, status in zip(found.q[0], found.status[0], strict=True) if status == Status.OK]
-    if not good:
-        raise ArgumentError(
-            "no posture within the limits of the joints reaches it" + ("" if R is not None else "; give rpy, or q"),
-            f"{name}.tcp",
-        )
+    good = np.array([q for q, status in zip(found.q[0], found.status[0], strict=True) if status == Status.OK])
+    if not len(good):
+        advice = "" if R is not None else ", with the orientation of the pose before; give rpy, or q"
+        raise ArgumentError(f"no posture within the limits of the joints reaches it{advice}", f"{name}.tcp")
+    if task.near is not None and task.clearance is not None and task.near.pairs:
+        room = task.near.distances(good).min(axis=1)
+        if R is not None and room.max() < task.clearance.distance:
+            least = task.near.least(good[int(np.argmax(room))])
+            raise ArgumentError(
+                f"no posture keeps the distance of {1e3 * task.clearance.distance:g} mm; the best has {least}",
+                f"{name}.tcp",
+            )
+        good = good[room >= task.clearance.distance] if room.max() >= task.clearance.distance else good
     return Stop(name, good[0], False, rest, T, R)
