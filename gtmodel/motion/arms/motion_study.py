@@ -181,7 +181,7 @@ def _joined(runs: Sequence[Trajectory], title: str) -> Trajectory:
 
 
 def _figure(task: ArmTask, run: Trajectory, places: list[int]) -> Any:
-    from ...plot.arm_motion import arm_motion_figure
+    from ...plot.motion import arm_motion_figure
 
     distances = None
     if task.near is not None and task.clearance is not None and task.near.pairs:
@@ -190,22 +190,20 @@ def _figure(task: ArmTask, run: Trajectory, places: list[int]) -> Any:
         distances = {" - ".join(task.near.names[k]): rows[:, k] for k in lowest}
     shapes = [] if task.near is None else _drawn(task, run, places)
     return arm_motion_figure(
-        run, speed=task.speed, effort=task.effort, passed=run.time[places], distances=distances,
+        run, speed=task.speed, effort=task.effort, passed=run.time[places].tolist(), distances=distances,
         required=None if task.clearance is None else task.clearance.distance, shapes=shapes,
     )  # fmt: skip
 
 
-def _drawn(task: ArmTask, run: Trajectory, places: list[int]) -> list[tuple[str, Array]]:
-    """Return segments and boxes to draw: kind and points in the world, links at the poses of the task."""
+def _drawn(task: ArmTask, run: Trajectory, places: list[int]) -> list[tuple[str, Array, float]]:
+    """Return the bodies to draw, the links at each pose of the task: kind, points in the world and radius."""
     assert task.near is not None
     placed = task.near.placed(run["q"][places])
-    shapes = []
-    for body, points in zip(task.near.bodies, placed, strict=True):
-        if body.frame is None and body.normal is None:
-            shapes.append(("box" if body.box is not None else "obstacle", points[0]))
-        elif body.frame is not None:
-            shapes += [("link", p) for p in points]
-    return shapes
+    return [
+        ("obstacle" if body.frame is None else "link", p, body.radius)
+        for body, points in zip(task.near.bodies, placed, strict=True) if body.normal is None
+        for p in (points if body.frame is not None else points[:1])
+    ]  # fmt: skip
 
 
 @study_function
