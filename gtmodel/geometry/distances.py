@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 Array = np.ndarray
-PARALLEL = 1e-12  # relative: sine squared of the angle below which two segments count as parallel
 Nearest = tuple[Array, Array, Array]
 
 
@@ -25,12 +24,22 @@ def segment_to_segment(a: ArrayLike, b: ArrayLike, c: ArrayLike, d: ArrayLike) -
     uu, vv, uv = (np.einsum("mi,mi->m", x, y) for x, y in ((u, u), (v, v), (u, v)))
     uw, vw = np.einsum("mi,mi->m", u, w), np.einsum("mi,mi->m", v, w)
     square = uu * vv - uv**2
-    crossing = square > PARALLEL * uu * vv
-    s = np.where(crossing, np.clip((uv * vw - vv * uw) / np.where(crossing, square, 1.0), 0.0, 1.0), 0.0)
-    t = np.clip((uv * s + vw) / np.where(vv > 0, vv, 1.0), 0.0, 1.0)
-    s = np.clip((uv * t - uw) / np.where(uu > 0, uu, 1.0), 0.0, 1.0)  # the nearest point to that on the second
-    first, second = a + s[:, None] * u, c + t[:, None] * v
-    return np.linalg.norm(first - second, axis=1), first, second
+
+    def onto_second(s: Array) -> Array:
+        return np.clip((uv * s + vw) / np.where(vv > 0, vv, 1.0), 0.0, 1.0)
+
+    def onto_first(t: Array) -> Array:
+        return np.clip((uv * t - uw) / np.where(uu > 0, uu, 1.0), 0.0, 1.0)
+
+    # the nearest points of the lines if these lie inside, else an end of one segment and the nearest point of the other
+    inside = np.clip((uv * vw - vv * uw) / np.where(square > 0, square, 1.0), 0.0, 1.0)
+    zero, one = np.zeros_like(uu), np.ones_like(uu)
+    pairs = [(x, onto_second(x)) for x in (inside, zero, one)] + [(onto_first(x), x) for x in (zero, one)]
+    s, t = (np.stack(x) for x in zip(*pairs, strict=True))
+    first, second = a + s[..., None] * u, c + t[..., None] * v
+    distances = np.linalg.norm(first - second, axis=2)
+    best, rows = np.argmin(distances, axis=0), np.arange(len(uu))
+    return distances[best, rows], first[best, rows], second[best, rows]
 
 
 def segment_to_box(a: ArrayLike, b: ArrayLike, half: ArrayLike) -> Nearest:

@@ -204,7 +204,9 @@ def arm_motion_figure(
     for axes, (a, b) in zip(panels[:, 0], ((0, 2), (0, 1)), strict=True):
         for kind, points, radius in shapes:
             label = "links at the poses" if kind == "link" else "obstacles"
-            shown = {"facecolor": "0.88", "edgecolor": "0.6"} if kind == "link" else {"facecolor": colour(1), "alpha": 0.5}
+            shown = (
+                {"facecolor": "0.88", "edgecolor": "0.6"} if kind == "link" else {"facecolor": colour(1), "alpha": 0.5}
+            )
             outline = _outline((points[:, None, [a, b]] + radius * ROUND).reshape(-1, 2))
             axes.fill(*outline.T, label=None if (label, a, b) in drawn else label, linewidth=0.7, **shown)
             drawn.add((label, a, b))

@@ -103,9 +103,7 @@ def _with_planes(task: ArmTask, solutions: Sequence[Solution]) -> list[Trajector
     """Return the motions of solutions as guesses, with planes between all pairs."""
     runs = [s.trajectory for s in solutions]
     kept = ("arm.q", "der(arm.q)", "der(arm.q,2)")
-    return [
-        Trajectory(run.time, {n: run[n] for n in kept if n in run} | task.planes(run["arm.q"]), {}) for run in runs
-    ]
+    return [Trajectory(run.time, {n: run[n] for n in kept if n in run} | task.planes(run["arm.q"]), {}) for run in runs]
 
 
 def _evaluated(
