@@ -273,14 +273,16 @@ def _stop(task: ArmTask, name: str, pose: ArmPose, rest: bool, revolute: list[bo
     before = task.stops[-1].q if task.stops else np.clip(np.zeros(len(revolute)), *bounds.T)
     T = np.array(pose.tcp)
     R = None if pose.rpy is None else rotation_of_rpy(np.array(pose.rpy))
-    wanted = R
-    if wanted is None:  # the guess keeps the orientation
-        wanted = np.asarray(compile_causal(task.robot, known="q", targets="R")(before)[0])
     chain = chain_of(task.robot)
-    found = postures(chain, T, wanted, limits=bounds, near=before)
-    good = np.array([q for q, status in zip(found.q[0], found.status[0], strict=True) if status == Status.OK])
+    found = []
+    if R is None:  # the guess keeps the orientation if it can
+        kept = np.asarray(compile_causal(task.robot, known="q", targets="R")(before)[0])
+        found.append(postures(chain, T, kept, limits=bounds, near=before))
+    if R is not None or not np.any(found[0].status == Status.OK):
+        found.append(postures(chain, T, R, limits=bounds, near=before))
+    good = np.array([q for f in found for q, s in zip(f.q[0], f.status[0], strict=True) if s == Status.OK])
     if not len(good):
-        advice = "" if R is not None else ", with the orientation of the pose before; give rpy, or q"
+        advice = "" if R is not None else "; give rpy, or q"
         raise ArgumentError(f"no posture within the limits of the joints reaches it{advice}", f"{name}.tcp")
     if task.near is not None and task.clearance is not None and task.near.pairs:
         room = task.near.distances(good).min(axis=1)
