@@ -16,7 +16,9 @@ from ...optimize import Mesh as CollocationMesh, Phases, Solution, SolverOptions
 from ...optimize.judgement.resimulate import Resimulation, resimulate
 from ...results import Check, SolveStatus, Trajectory, Work, at_least, at_most
 from ...results.check import failed_of
-from ...results.trajectory_files import TRAJECTORY
+from ...results.interpolation import CubicHermite
+
+from ...results.trajectory_files import TRAJECTORY, csv_bytes
 from ...results.work import WorkOptions, study_function
 from ..axes.options import AxisCost, AxisMesh
 from ..finer_mesh import finer_mesh, refined, refinement_note
@@ -162,7 +164,8 @@ def _evaluated(
         **distances,
         trajectory=run,
         figures={"motion": partial(_figure, task, run, places)},
-        machine_files=(TRAJECTORY,),
+        files={REFERENCE: reference_csv(task, run)},
+        machine_files=(TRAJECTORY, REFERENCE),
     )
 
 
@@ -176,6 +179,26 @@ def _joined(runs: Sequence[Trajectory], title: str) -> Trajectory:
     }  # fmt: skip
     time = np.concatenate([run.time[rows] for run, rows in zip(runs, parts, strict=True)])
     return Trajectory(time, values, {"T": "m"}, title=title)
+
+
+REFERENCE, SAMPLE_S = "reference.csv", 0.004  # of a controller
+
+
+def reference_csv(task: ArmTask, run: Trajectory) -> bytes:
+    """Return q, der(q), der(q,2) and T every 4 ms as the text of a CSV file; the motion ends at rest in its last row,
+    up to a cycle after its final time."""
+    times = SAMPLE_S * np.arange(int(np.ceil(run.time[-1] / SAMPLE_S - 1e-9)) + 1)
+    at = np.minimum(times, run.time[-1])
+    q, v, a = run["q"], run["der(q)"], run["der(q,2)"]
+    rows = {
+        "q": CubicHermite(run.time, q, v)(at), "der(q)": CubicHermite(run.time, v, a)(at),
+        "der(q,2)": np.stack([np.interp(at, run.time, column) for column in a.T], axis=1),
+    }  # fmt: skip
+    T = compile_causal(task.robot, known="q", targets="T")(rows["q"])[0]
+    units = {"q": "rad", "der(q)": "rad/s", "der(q,2)": "rad/s2"}
+    if any(joint.kind == "prismatic" for joint in task.robot.structure.joints):
+        units = {}
+    return csv_bytes(Trajectory(times, rows | {"T": T}, units | {"T": "m"}, title=run.title))
 
 
 def _figure(task: ArmTask, run: Trajectory, places: list[int]) -> Any:
