@@ -261,7 +261,7 @@ def drives_of(axes: int) -> dict[str, Any]:
     return drives | {name: np.resize(drives[name], axes).tolist() for name in "ab"}
 
 
-JOINT_RATE = 80.0  # rad/s: natural frequency of the servo of each joint, with the others held
+JOINT_RATE = 150.0  # rad/s: natural frequency of the servo of each joint, with the others held
 JOINT_DAMPING = 1.0  # of the servo
 
 
