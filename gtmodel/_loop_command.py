@@ -113,7 +113,9 @@ def _motion(problem: Any, robot: Any, path: Path | None, job: Context, files: di
         _warned(path, job)
         return Trajectory.from_csv(path)
     if hasattr(robot, "structure"):  # a serial arm
-        raise InputError("--reference is missing: name a motion of the joints, such as reference.csv of an arm_trajectory")
+        raise InputError(
+            "--reference is missing: name a motion of the joints, such as reference.csv of an arm_trajectory"
+        )
     job.progress("solving for the time-optimal motion")
     shipped = load(problems_dir() / _PROBLEM)
     robot_keys = problem.model_dump(mode="json", include=_ROBOT_KEYS, exclude_unset=True)

@@ -202,7 +202,9 @@ def study(
         forward = compile_causal(robot, known="q", targets="T")
     joints = forward.inputs[0].shape[0] if turns(forward) else 0
     if forward.outputs[0].shape != (3,) or not (0 < joints <= AXES or forward.inputs[0].shape == (3,)):
-        raise ArgumentError("expected a robot with three carts, or up to six joints that turn, and a position T", "robot")
+        raise ArgumentError(
+            "expected a robot with three carts, or up to six joints that turn, and a position T", "robot"
+        )
     if joints and law not in ("trajectory", "dynamics"):
         raise ArgumentError(f"the law {law} moves carts; joints have the laws trajectory and dynamics", "law")
     known = None if plant is None else _known(plant, law, joints or 3)
@@ -378,8 +380,7 @@ def _figure(bench: Bench, runs: list[OneRun], plant: str) -> Any:
     units = {"T": "m", "q": "rad" if bench.joints else "m"}
     reference = Trajectory(time_s, {"T": bench.tcp_m, "q": bench.carts_m}, units)
     measured = {
-        one.label: Trajectory(time_s[: len(one.tcp_m)], {"T": one.tcp_m, "q": one.carts_m}, units)
-        for one in runs
+        one.label: Trajectory(time_s[: len(one.tcp_m)], {"T": one.tcp_m, "q": one.carts_m}, units) for one in runs
     }
     title = f"{bench.peer.upper()} on loopback, {bench.law}: simulated controller"
     if bench.plant is not None:

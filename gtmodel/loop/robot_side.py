@@ -88,7 +88,9 @@ class RobotSide:
             places = (("AIPos", "ASPos"), ("EIPos", "ESPos"))
             others = [0.0] * AXES if self.joints else JOINTS_DEG
             for (actual, target), here in zip(places, (self.joints, not self.joints), strict=True):
-                values |= {actual: measured + rest, target: planned + rest} if here else {actual: others, target: others}
+                values |= (
+                    {actual: measured + rest, target: planned + rest} if here else {actual: others, target: others}
+                )
             return self._with_wrenches(rsi.encode_robot(rsi.RsiRobot(self._ipoc, delay=self.late, values=values)))
         running = self.waits <= self.cycles and (self.ends is None or self.cycles < self.ends)
         robot = egm.EgmRobot(

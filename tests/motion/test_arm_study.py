@@ -53,7 +53,10 @@ def test_a_stop_costs_what_two_motions_cost_and_flying_by_nothing() -> None:
     twice = fastest(0.5) + fastest(1.5)
     assert twice * (1 - 1e-6) <= stopping.final_time <= twice * (1 + LOSS)
     assert fastest(2.0) * (1 - 1e-6) <= flying.final_time <= fastest(2.0) * (1 + LOSS)
-    for s, speed in ((stopping, 0.0), (flying, min(SPEED, np.sqrt(2 * 0.5 * TORQUE / INERTIA)))):  # full torque until there
+    for s, speed in (
+        (stopping, 0.0),
+        (flying, min(SPEED, np.sqrt(2 * 0.5 * TORQUE / INERTIA))),
+    ):  # full torque until there
         row = int(np.argmin(np.abs(s.trajectory.time - s.passed[0])))
         assert s.trajectory["q"][row, 0] == pytest.approx(0.5, abs=1e-4)
         assert s.trajectory["der(q)"][row, 0] == pytest.approx(speed, abs=0.05 * SPEED)

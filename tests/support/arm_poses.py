@@ -74,9 +74,7 @@ def poses(
     return q, R.inv().apply(T - DEVICE_T) + NOISE * rng.standard_normal(T.shape)
 
 
-def text(
-    arm: gt.robots.SerialArm | None = None, seed: int = SEED, ranges: list[list[int]] = RANGES
-) -> str:
+def text(arm: gt.robots.SerialArm | None = None, seed: int = SEED, ranges: list[list[int]] = RANGES) -> str:
     """The file: a comment, a header, angles in degrees and positions in mm."""
     q, T = poses(arm, seed, ranges)
     lines = [

@@ -17,7 +17,6 @@ from ...optimize.judgement.resimulate import Resimulation, resimulate
 from ...results import Check, SolveStatus, Trajectory, Work, at_least, at_most
 from ...results.check import failed_of
 from ...results.interpolation import CubicHermite
-
 from ...results.trajectory_files import TRAJECTORY, csv_bytes
 from ...results.work import WorkOptions, study_function
 from ..axes.options import AxisCost, AxisMesh
@@ -114,13 +113,16 @@ def _evaluated(
     first = solutions[0]
     if not first.status.converged:
         message = first.message
-        if active and task.near is not None:
+        if active and task.near is not None and first.status is not SolveStatus.INTERRUPTED:
             pairs = ", ".join("-".join(task.near.names[p]) for p in active[:4])
             message += (
                 f"; distances of {pairs} are constraints, and the straight motion between the poses may pass on the "
                 "wrong side: add waypoints around the obstacle"
             )
-        return ArmStudy(status=first.status, message=message, title=title, final_time=None)
+        best = _joined([s.trajectory for s in solutions], f"{title} (not solved: {first.status.value})".strip())
+        return ArmStudy(
+            status=first.status, message=message, title=title, trajectory=best, machine_files=(TRAJECTORY,)
+        )  # fmt: skip
     runs: list[Resimulation] = [resimulate(s) for s in solutions]
     failed = next((r.message for r in runs if r.trajectory is None), "")
     found = [s.trajectory if r.trajectory is None else r.trajectory for s, r in zip(solutions, runs, strict=True)]
