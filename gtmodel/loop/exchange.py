@@ -21,9 +21,10 @@ Protocol = Literal["egm", "rsi"]
 class RobotFeedback:
     """The state that a robot reports in a datagram; the thesis calls it the submit state.
 
-    position_m, planned_m: measured and planned positions of carts [m] or joints [rad]; planned_m is valid if `has_planned`. joints_deg:
-    joints [deg]. time_ms: the robot's clock [ms]. sequence: number of the datagram. running: whether the robot follows
-    commands. wrenches: of the force sensors at handle and tool, if a law reads them and the robot sent both.
+    position_m, planned_m: measured and planned positions of carts [m] or joints [rad]; planned_m is valid if
+    `has_planned`. joints_deg: joints [deg]. time_ms: the robot's clock [ms]. sequence: number of the datagram. running:
+    whether the robot follows commands. wrenches: of the force sensors at handle and tool, if a law reads them and the
+    robot sent both.
     """
 
     sequence: int
@@ -42,8 +43,9 @@ class RobotFeedback:
 class Command:
     """The loop's command to the robot; the thesis calls it the obtain state.
 
-    position_m, speed_m_s: positions and speeds of carts [m, m/s] or joints [rad, rad/s]. path_m: offset of the tool centre point's path [m], used
-    instead if `along_path`. braking: the law is bringing the motion to a stop; its status says why.
+    position_m, speed_m_s: positions and speeds of carts [m, m/s] or joints [rad, rad/s]. path_m: offset of the tool
+    centre point's path [m], used instead if `along_path`. braking: the law is bringing the motion to a stop; its status
+    says why.
     """
 
     position_m: list[float] = field(default_factory=lambda: [0.0] * AXES)
@@ -74,7 +76,7 @@ class Exchange:
         self.reads_wrenches = False
 
     def read(self, data: bytes) -> RobotFeedback | None:
-        """Return the feedback, or None if the datagram is of another protocol or type (EGM) or lacks a cart or joint."""
+        """Return the feedback, or None for a datagram of another protocol or type (EGM), or without all axes."""
         try:
             feedback = self._read_egm(data) if self.protocol == "egm" else self._read_rsi(data)
         except (WireError, rsi.TelegramError):

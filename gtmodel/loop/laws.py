@@ -58,7 +58,7 @@ InverseDynamics = Callable[[list[float], list[float], list[float]], tuple[Status
 
 
 def reference_columns(axes: int) -> int:
-    """Return the number of columns of a reference: q, der(q), der(q,2) of the carts or joints, then T, der(T), der(T,2)."""
+    """Return the number of columns of a reference: q, der(q), der(q,2) of the axes, then T, der(T), der(T,2)."""
     return 3 * axes + 9
 
 

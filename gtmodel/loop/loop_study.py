@@ -85,7 +85,8 @@ def there_and_back(
     """Return rows q, der(q), der(q,2), T, der(T), der(T,2) every 4 ms for at least `cycles` cycles.
 
     motion: T, der(T) and der(T,2), or the same of q of an arm with so many `joints`, every 4 ms, from rest to rest;
-    stretched to `slower` times its duration. Raises ArgumentError if `reference` is not such a motion, or if the robot cannot reach it.
+    stretched to `slower` times its duration. Raises ArgumentError if `reference` is not such a motion, or if the robot
+    cannot reach it.
     """
     given, follows, n = ("q", "T", joints) if joints else ("T", "q", 3)
     names, others = ([x, f"der({x})", f"der({x},2)"] for x in (given, follows))
@@ -104,13 +105,13 @@ def there_and_back(
     rest = (REST_CYCLES, 1)
     period = np.vstack([np.tile(begin, rest), outward, np.tile(end, rest), back])
     rows = np.vstack([np.tile(period, (-(-cycles // len(period)), 1)), np.tile(begin, rest)])
-    *found, status = compile_causal(robot, known=given, targets=others)(
+    *following, status = compile_causal(robot, known=given, targets=others)(
         rows[:, :n], rows[:, n : 2 * n], rows[:, 2 * n :]
     )  # fmt: skip
     bad = np.flatnonzero(status != Status.OK)
     if len(bad):
         raise ArgumentError(f"at {step * bad[0]:g} s: {Status(int(status[bad[0]])).message}", "reference")
-    return ReferenceTable(np.hstack([rows, *found] if joints else [*found, rows]), CYCLE_MS)
+    return ReferenceTable(np.hstack([rows, *following] if joints else [*following, rows]), CYCLE_MS)
 
 
 def _resting(place: np.ndarray) -> np.ndarray:
@@ -161,8 +162,9 @@ def study(
         robot: the simulated robot, with three carts [m] or up to six joints [rad] and a position T; the folder was
             generated from its functions. Joints have the laws trajectory and dynamics.
         folder: written by `cgen.study` or gtmodel codegen.
-        reference: T, der(T), der(T,2) of carts, q, der(q), der(q,2) of joints, every 4 ms from rest to rest, or a function that returns it, called after the
-            program is built. The robot repeats it there and more slowly back. Not used by lead_through.
+        reference: T, der(T), der(T,2) of carts, or q, der(q), der(q,2) of joints, every 4 ms from rest to rest, or a
+            function that returns it, called after the program is built. The robot repeats it there and more slowly
+            back. Not used by lead_through.
         peer: egm or rsi.
         seconds: duration of each of the two runs; with `in_lockstep` they go as fast as the machine allows.
         law: trajectory, dynamics, replay or path; the law chooses the plant: drives of eq. (6.11), or the rigid-body
@@ -173,10 +175,10 @@ def study(
             must start where the reference does; the law dynamics must know the stiffness of its servo. If the plant
             fails on the way, the study has failed and keeps the measurements until then.
         elastic: natural frequency [Hz] of springs between carts and arm, unknown to the laws; None: the arm is rigid.
-        deceleration: of the fastest cart or joint when the robot is lost [m/s2, rad/s2], after the held cycles. If None, the largest
-            deceleration of a cart in the reference, or for lead_through the limit of the law.
-        following: largest distance of a cart or joint from its last command [m, rad]; beyond it the loop brakes. Not used with the
-            law path, which commands no carts.
+        deceleration: of the fastest axis when the robot is lost [m/s2, rad/s2], after the held cycles. If None, the
+            largest deceleration in the reference, or for lead_through the limit of the law.
+        following: largest distance of a cart or joint from its last command [m, rad]; beyond it the loop brakes. Not
+            used with the law path, which commands no carts.
         built: folder of an earlier run; its program is reused if it was built from identical files.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
@@ -202,9 +204,7 @@ def study(
         forward = compile_causal(robot, known="q", targets="T")
     joints = forward.inputs[0].shape[0] if turns(forward) else 0
     if forward.outputs[0].shape != (3,) or not (0 < joints <= AXES or forward.inputs[0].shape == (3,)):
-        raise ArgumentError(
-            "expected a robot with three carts, or up to six joints that turn, and a position T", "robot"
-        )
+        raise ArgumentError("expected a robot with T and three carts, or up to six joints that turn", "robot")
     if joints and law not in ("trajectory", "dynamics"):
         raise ArgumentError(f"the law {law} moves carts; joints have the laws trajectory and dynamics", "law")
     known = None if plant is None else _known(plant, law, joints or 3)

@@ -1,4 +1,4 @@
-"""The loop of an arm with joints in rad: equal to the loop in Python byte for byte, datagrams in degrees, and the study."""
+"""The loop of an arm with joints in rad: equal to the loop in Python byte for byte; datagrams in degrees; the study."""
 
 from __future__ import annotations
 

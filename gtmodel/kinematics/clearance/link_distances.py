@@ -76,13 +76,13 @@ class LinkDistances:
         """Return rotations (k, m, 3, 3) and origins (k, m, 3) [m] of base and links at postures q (m, n) [rad, m]."""
         q, links = np.atleast_2d(np.asarray(q, float)), len(self.robot.structure.joints)
         names = [f"link_{k + 1}.after.{what}" for k in range(links) for what in "Rr"]
-        *found, status = compile_causal(self.robot, known="q", targets=names)(q)
+        *results, status = compile_causal(self.robot, known="q", targets=names)(q)
         if np.any(status != Status.OK):
             raise ArgumentError(f"row {int(np.argmax(status != Status.OK))} cannot be evaluated", "q")
         R0 = np.tile(rotation_of_rpy(np.asarray(self.robot.base_rpy, float)), (len(q), 1, 1))
         r0 = np.tile(np.asarray(self.robot.base_xyz, float), (len(q), 1))
-        R = [R0, *(np.reshape(x, (len(q), 3, 3)) for x in found[::2])]
-        return np.array(R), np.array([r0, *found[1::2]])
+        R = [R0, *(np.reshape(x, (len(q), 3, 3)) for x in results[::2])]
+        return np.array(R), np.array([r0, *results[1::2]])
 
     def placed(self, q: ArrayLike) -> list[Array]:
         """Return the points (m, k, 3) [m] of each body in the world."""
@@ -102,10 +102,10 @@ class LinkDistances:
         """Return distances (m, pairs) [m], and for each pair the nearest points (m, pairs, 3) of both segments, box or
         plane inside."""
         placed = self.placed(q)
-        found = [_nearest(self.bodies[i], self.bodies[j], placed[i], placed[j]) for i, j in self.pairs]
-        if not found:
+        results = [_nearest(self.bodies[i], self.bodies[j], placed[i], placed[j]) for i, j in self.pairs]
+        if not results:
             return np.zeros((len(placed[0]) if placed else 0, 0)), np.zeros((0, 0, 3)), np.zeros((0, 0, 3))
-        distances, first, second = (np.stack(x, axis=1) for x in zip(*found, strict=True))
+        distances, first, second = (np.stack(x, axis=1) for x in zip(*results, strict=True))
         radii = np.array([self.bodies[i].radius + self.bodies[j].radius for i, j in self.pairs])
         return distances - radii, first, second
 

@@ -67,8 +67,8 @@ def optimised(
     if len(segments) == 1:
         return [solve(segments["0"], grid, guess=guess[0], solver=options, progress=report, throw=False)]
     by_name = dict(zip(segments, guess, strict=True))
-    found = solve_phases(Phases(segments), grid, guess=by_name, solver=options, progress=report, throw=False)
-    return list(found.phases.values())
+    phases = solve_phases(Phases(segments), grid, guess=by_name, solver=options, progress=report, throw=False)
+    return list(phases.phases.values())
 
 
 def on_this_mesh(
@@ -125,13 +125,13 @@ def _evaluated(
         )  # fmt: skip
     runs: list[Resimulation] = [resimulate(s) for s in solutions]
     failed = next((r.message for r in runs if r.trajectory is None), "")
-    found = [s.trajectory if r.trajectory is None else r.trajectory for s, r in zip(solutions, runs, strict=True)]
-    run = _joined(found, title or "optimal motion of an arm")
+    parts = [s.trajectory if r.trajectory is None else r.trajectory for s, r in zip(solutions, runs, strict=True)]
+    run = _joined(parts, title or "optimal motion of an arm")
     pose = compile_causal(task.robot, known="q", targets=["T", "R"])
-    places = [0, *np.cumsum([len(x) - 1 for x in found]).tolist()]
+    places = [0, *np.cumsum([len(x) - 1 for x in parts]).tolist()]
     q = run["q"]
     T, R, _ = pose(q[places])
-    missed = max(s.missed(q[n], T[k], R[k]) for k, (s, n) in enumerate(zip(task.stops, places, strict=True)))
+    missed = max(s.missed(q[n], T[k], R[k]) for k, (s, n) in enumerate(zip(task.poses, places, strict=True)))
     speeds = np.max(np.abs(run["der(q)"]), axis=0) / task.speed
     efforts = np.max(np.abs(run["tau"]), axis=0) / task.effort
     checks: dict[str, Check] = {

@@ -34,7 +34,7 @@ AHEAD_M = 0.1  # pairs nearer than this along the guess are constraints from the
 
 
 @dataclass(frozen=True, eq=False)
-class Stop:
+class TaskPose:
     """A pose of the task: joints of the guess q (n,), whether they are prescribed, or T (3,) and R (3, 3) or None."""
 
     name: str
@@ -74,7 +74,7 @@ class ArmTask:
     """A checked motion: robot, poses in order, limits, cost, and the bodies whose distances count."""
 
     robot: Any
-    stops: list[Stop]
+    poses: list[TaskPose]
     limits: ArmLimits
     cost: AxisCost
     clearance: Clearance | None
@@ -97,7 +97,7 @@ class ArmTask:
         runs, begin = [], 0.0
         s = np.linspace(0.0, 1.0, GUESS_ROWS)
         shape, rate, bend = s**3 * (10 - 15 * s + 6 * s**2), 30 * s**2 * (1 - s) ** 2, 60 * s * (1 - s) * (1 - 2 * s)
-        for a, b in zip(self.stops, self.stops[1:], strict=False):
+        for a, b in zip(self.poses, self.poses[1:], strict=False):
             step = b.q - a.q
             speed = np.where(np.isfinite(self.speed), self.speed, TURN_RATE)
             time = max(SLOWER * 1.875 * float(np.max(np.abs(step) / speed)), 2 * SHORTEST_TIME_S)
@@ -128,7 +128,7 @@ class ArmTask:
     def segment(self, k: int, active: Sequence[int], guess: Trajectory) -> gt.Optimization:
         """Return the motion from pose k to pose k + 1, with planes between the pairs of indices `active`."""
         task, near = self, self.near
-        first, last = k == 0, self.stops[k + 1]
+        first, last = k == 0, self.poses[k + 1]
         bounded = [i for i, (low, high) in enumerate(_limits(self.robot)) if np.isfinite([low, high]).any()]
 
         class Segment(gt.Optimization):
@@ -147,7 +147,7 @@ class ArmTask:
                 if not first:
                     yield self.final_time - self.start_time >= SHORTEST_TIME_S
                 else:
-                    yield from task.stops[0].rows(self.arm, self.start_time)
+                    yield from task.poses[0].rows(self.arm, self.start_time)
                 yield from last.rows(self.arm, self.final_time)
                 for i in range(len(task.effort)):
                     if np.isfinite(task.effort[i]):
@@ -238,26 +238,26 @@ def task_of(
             f"is missing: joint '{joints[k].name}' has no limit of effort, which cost.energy needs",
             "limits.joint_effort",
         )
-    poses: list[tuple[str, ArmPose, bool]] = [("start", start, True)]
-    poses += [(f"waypoints[{n}]", w, w.stop) for n, w in enumerate(waypoints)] + [("goal", goal, True)]
-    for name, pose, rest in poses:
-        task.stops.append(_stop(task, name, pose, rest, [joint.kind == "revolute" for joint in joints]))
-    for before, then in zip(task.stops, task.stops[1:], strict=False):
+    given: list[tuple[str, ArmPose, bool]] = [("start", start, True)]
+    given += [(f"waypoints[{n}]", w, w.stop) for n, w in enumerate(waypoints)] + [("goal", goal, True)]
+    for name, pose, rest in given:
+        task.poses.append(_pose(task, name, pose, rest, [joint.kind == "revolute" for joint in joints]))
+    for before, then in zip(task.poses, task.poses[1:], strict=False):
         if np.array_equal(before.q, then.q):
             raise ArgumentError(f"is the same pose as {before.name}; give another one", f"{then.name}.q")
     if near is not None and clearance is not None:
-        for stop in task.stops:
-            least = near.least(stop.q)
-            if stop.prescribed and least is not None and least.distance < clearance.distance:
+        for pose in task.poses:
+            least = near.least(pose.q)
+            if pose.prescribed and least is not None and least.distance < clearance.distance:
                 raise ArgumentError(
                     f"has {least}; expected at least {1e3 * clearance.distance:g} mm: move it, or leave the pair out "
                     "with clearance.ignored",
-                    f"{stop.name}.q",
+                    f"{pose.name}.q",
                 )
     return task
 
 
-def _stop(task: ArmTask, name: str, pose: ArmPose, rest: bool, revolute: list[bool]) -> Stop:
+def _pose(task: ArmTask, name: str, pose: ArmPose, rest: bool, revolute: list[bool]) -> TaskPose:
     bounds = _limits(task.robot)
     q = joints_of(pose, revolute, name)
     if q is not None:
@@ -269,18 +269,18 @@ def _stop(task: ArmTask, name: str, pose: ArmPose, rest: bool, revolute: list[bo
                 f"(rad, m)",
                 f"{name}.q" if revolute[k] else f"{name}.slides",
             )
-        return Stop(name, q, True, rest)
-    before = task.stops[-1].q if task.stops else np.clip(np.zeros(len(revolute)), *bounds.T)
+        return TaskPose(name, q, True, rest)
+    before = task.poses[-1].q if task.poses else np.clip(np.zeros(len(revolute)), *bounds.T)
     T = np.array(pose.tcp)
     R = None if pose.rpy is None else rotation_of_rpy(np.array(pose.rpy))
     chain = chain_of(task.robot)
-    found = []
+    candidates = []
     if R is None:  # the guess keeps the orientation if it can
         kept = np.asarray(compile_causal(task.robot, known="q", targets="R")(before)[0])
-        found.append(postures(chain, T, kept, limits=bounds, near=before))
-    if R is not None or not np.any(found[0].status == Status.OK):
-        found.append(postures(chain, T, R, limits=bounds, near=before))
-    good = np.array([q for f in found for q, s in zip(f.q[0], f.status[0], strict=True) if s == Status.OK])
+        candidates.append(postures(chain, T, kept, limits=bounds, near=before))
+    if R is not None or not np.any(candidates[0].status == Status.OK):
+        candidates.append(postures(chain, T, R, limits=bounds, near=before))
+    good = np.array([q for f in candidates for q, s in zip(f.q[0], f.status[0], strict=True) if s == Status.OK])
     if not len(good):
         advice = "" if R is not None else "; give rpy, or q"
         raise ArgumentError(f"no posture within the limits of the joints reaches it{advice}", f"{name}.tcp")
@@ -293,4 +293,4 @@ def _stop(task: ArmTask, name: str, pose: ArmPose, rest: bool, revolute: list[bo
                 f"{name}.tcp",
             )
         good = good[room >= task.clearance.distance] if room.max() >= task.clearance.distance else good
-    return Stop(name, good[0], False, rest, T, R)
+    return TaskPose(name, good[0], False, rest, T, R)

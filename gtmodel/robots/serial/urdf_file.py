@@ -277,7 +277,7 @@ class _Reader:
 
     def capsules(self, link: XmlElement) -> tuple[Segment, ...]:
         """Return capsules around the collision shapes of a link, without those of meshes."""
-        found: list[Segment] = []
+        segments: list[Segment] = []
         for collision in link.all("collision"):
             shape = _shape(collision)
             if shape is None:
@@ -285,8 +285,8 @@ class _Reader:
             xyz, rpy = _origin(collision)
             half, axis, radius = SHAPES[shape.tag](shape)
             along = half * rotation_of_rpy(rpy)[:, axis]
-            found.append((xyz - along, xyz + along, radius))
-        return tuple(found)
+            segments.append((xyz - along, xyz + along, radius))
+        return tuple(segments)
 
     def joint(self, e: XmlElement) -> UrdfJoint:
         name, kind = attribute(e, "name"), attribute(e, "type")
