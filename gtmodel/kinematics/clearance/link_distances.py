@@ -60,7 +60,7 @@ class LinkDistances:
     >>> rods = [gt.kinematics.LinkCapsule(f"link_{k}", [-a, 0, 0], [0.0, 0, 0], 0.04) for k, a in ((1, 0.5), (3, 0.3))]
     >>> near = gt.kinematics.link_distances(arm, gt.kinematics.Clearance(capsules=rods))
     >>> print(near.least([[0.0, 2.4, 1.2]]))
-    41.03 mm between link_1 and link_3
+    71.59 mm between link_1 and link_3
     """
 
     robot: Any
