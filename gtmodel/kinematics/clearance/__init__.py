@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from ..._lazy import public
 
 if TYPE_CHECKING:
-    from .link_distances import (
+    from .distances import (
         Body as Body,
         LeastDistance as LeastDistance,
         LinkDistances as LinkDistances,
