@@ -342,7 +342,11 @@ def _compared(bench: Bench, plant: str, title: str) -> LoopStudy:
         checks[f"{name}_log_complete"] = at_least(float(bool(one.report["log_complete"])), 1.0, FULL)
     real_time_granted = all(one.report["fifo"] and one.report["memory_locked"] for one in runs)
     timing = "in lock step" if bench.in_lockstep else "in real time" if real_time_granted else "not real-time"
-    stop, message = bench.stop, f"{bench.peer} on loopback, {timing}; tested against simulators only"
+    stop = bench.stop
+    numbers: dict[str, Any] = dict(
+        zip(STOP[bench.joints], (stop.deceleration_m_s2, stop.speed_m_s, stop.distance_m), strict=True)
+    )
+    message = f"{bench.peer} on loopback, {timing}; tested against simulators only"
     return LoopStudy(
         status=SolveStatus.FAILED if last.stopped else SolveStatus.SOLVED,
         message=f"{last.label}: {last.stopped}" if last.stopped else message,
@@ -357,7 +361,7 @@ def _compared(bench: Bench, plant: str, title: str) -> LoopStudy:
         elastic=bench.elastic_Hz,
         cycles=bench.cycles,
         real_time=real_time_granted,
-        **dict(zip(STOP[bench.joints], (stop.deceleration_m_s2, stop.speed_m_s, stop.distance_m), strict=True)),
+        **numbers,
         runs=[{"label": one.label, **e, **one.report} for one, e in zip(runs, errors, strict=True)],
         figures={"tracking": partial(_figure, bench, runs, plant)},
     )

@@ -179,7 +179,7 @@ def _cycle(
     size = forward.outputs[0].shape[0]
     x, u, du, t = ca.SX.sym("x", 2 * size), ca.SX.sym("u", size), ca.SX.sym("du", size), ca.SX.sym("t")
     state = {0: x[:size], 1: x[size:]}
-    q, dq = (x[:size], x[size:]) if velocity is None else _call(velocity, state, None)
+    q, dq = (x[:size], x[size:]) if velocity is None else _call(velocity, state)
     tau = ca.DM(servo.kp_N_m) * (u + t * du - q) + ca.DM(servo.kd_N_s_m) * (du - dq)
     (acceleration,) = _call(forward, state, tau)
     rate = ca.Function("rate", [x, u, du, t], [ca.vertcat(x[size:], acceleration)])
@@ -194,7 +194,7 @@ def _cycle(
     return ca.Function("cycle", [x, u, du], [state]), ca.Function("carts", [x], [q])
 
 
-def _call(function: CausalFunction, state: dict[int, ca.SX], tau: ca.SX | None) -> list[ca.SX]:
-    arguments = [tau if "tau" in s.name else state[s.pairs[0][1]] for s in function.inputs]
+def _call(function: CausalFunction, state: dict[int, ca.SX], tau: ca.SX | None = None) -> list[ca.SX]:
+    arguments = [tau if tau is not None and "tau" in s.name else state[s.pairs[0][1]] for s in function.inputs]
     results = function.casadi.call(arguments)
     return list(results[: len(function.outputs)])

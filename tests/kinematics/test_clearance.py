@@ -55,7 +55,7 @@ def brute(a, b) -> tuple[float, float]:
 
 
 def test_distances_are_those_of_dense_samples(arm, near) -> None:
-    postures = np.random.default_rng(44).uniform(-2.5, 2.5, (25, 6))
+    postures = np.random.default_rng(44).uniform(-2.5, 2.5, (10, 6))
     found = near.distances(postures)
     R, center, half = rotation_of_rpy(np.array(BOX.rpy)), np.array(BOX.center), np.array(BOX.size) / 2
     for q, row in zip(postures, found, strict=True):

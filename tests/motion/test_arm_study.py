@@ -87,7 +87,7 @@ def gap(q: np.ndarray) -> float:
 def test_links_keep_their_distance_from_an_obstacle_in_the_way() -> None:
     free = arm_study(PLANAR, START, GOAL, limits=LIMITS, mesh=AxisMesh(12))
     assert free.status.ok and gap(free.trajectory["q"]) < 0.0  # the fastest motion would hit the post
-    s = arm_study(PLANAR, START, GOAL, limits=LIMITS, clearance=CLEAR, mesh=AxisMesh(24))
+    s = arm_study(PLANAR, START, GOAL, limits=LIMITS, clearance=CLEAR, mesh=AxisMesh(20))
     assert s.status.ok, s.message
     least = gap(s.trajectory["q"])
     assert least >= CLEAR.distance - 1e-3 and s.clearance == pytest.approx(least, abs=1e-5)

@@ -77,6 +77,7 @@ def on_this_mesh(
     """Optimise on a mesh, adding pairs that come too near, and evaluate the result."""
     guess = task.guess() if before is None else _with_planes(task, before.solutions)
     active = before.active if before is not None else _ahead(task, guess)
+    solutions: list[Solution] = []
     for _ in range(ROUNDS):
         solutions = optimised(task, active, mesh, guess, solver, work, spent)
         spent += solutions[0].iterations

@@ -216,8 +216,8 @@ class _Chain:
         while waiting:
             name, body, (R, r) = waiting.pop(0)
             for begin, end, radius in self.urdf.links[name].capsules:
-                ends = (tuple(float(x) for x in R @ p + r) for p in (begin, end))
-                yield LinkShape(name, body, *ends, radius)  # pyright: ignore[reportArgumentType]
+                a, b = ((R @ p + r).tolist() for p in (begin, end))
+                yield LinkShape(name, body, (a[0], a[1], a[2]), (b[0], b[1], b[2]), radius)
             for j in self.urdf.joints_on(name):
                 if j.name in bodies:
                     waiting.append((j.child, bodies[j.name], IDENTITY))
