@@ -73,8 +73,9 @@ def run(
             if not manifest["problem"]:
                 raise InputError(f"'{folder}' does not name its problem; generate it with gtmodel codegen")
             problem = validate(get("codegen").Schema, manifest["problem"])
+            job.folder = folder  # paths in the manifest start there
             robot = problem.model(job)  # pyright: ignore[reportAttributeAccessIssue]
-            motion = partial(_motion, problem, reference, job, generated)
+            motion = partial(_motion, problem, robot, reference, job, generated)
             unit = problem.plant_unit(folder, plant, plant_timeout)  # pyright: ignore[reportAttributeAccessIssue]
             options = options_of(problem, "lead_through") | {"plant": unit}
             with job.under_way():
@@ -105,12 +106,16 @@ def _warned(path: Path, job: Context) -> bool:
     return True
 
 
-def _motion(problem: Any, path: Path | None, job: Context, files: dict[str, bytes]) -> Trajectory:
+def _motion(problem: Any, robot: Any, path: Path | None, job: Context, files: dict[str, bytes]) -> Trajectory:
     """The reference motion from a file, or the time-optimal motion for this robot of the shipped problem, which is also
     stored in `files`."""
     if path is not None:
         _warned(path, job)
         return Trajectory.from_csv(path)
+    if hasattr(robot, "structure"):  # a serial arm
+        raise InputError(
+            "--reference is missing: name a motion of the joints, such as reference.csv of an arm_trajectory"
+        )
     job.progress("solving for the time-optimal motion")
     shipped = load(problems_dir() / _PROBLEM)
     robot_keys = problem.model_dump(mode="json", include=_ROBOT_KEYS, exclude_unset=True)

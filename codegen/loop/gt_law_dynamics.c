@@ -28,12 +28,13 @@ static gt_status gt_dynamics_step(void *state, const gt_feedback *feedback, uint
     double row[GT_REFERENCE_MOST];
     double force[GT_AXES];
     gt_status status = gt_traj_at(&law->reference, elapsed_ms + law->lead_ms, row);
-    const double *tcp = &row[3U * axes];
+    const double *given = law->model->joints ? row : &row[3U * axes];
+    const uint32_t width = law->model->joints ? axes : 3U;
     uint32_t n;
 
     (void)feedback;
     if ((status == GT_OK) && law->feedforward) {
-        status = law->model->inverse_dynamics(tcp, &tcp[3], &tcp[6], force);
+        status = law->model->inverse_dynamics(given, &given[width], &given[2U * width], force);
     }
     if (status != GT_OK) {
         return status;

@@ -169,6 +169,7 @@ static int gt_prepare(gt_run *run)
     (void)memset(&peer, 0, sizeof(peer));
     peer.protocol = a->peer;
     peer.axes = gt_loop_model.axes;
+    peer.joints = gt_loop_model.joints;
     peer.cycle_ms = a->cycle_ms;
     settings.dry = !a->live;
     settings.hold_cycles = a->hold_cycles;

@@ -8,26 +8,45 @@
 #include <string.h>
 
 #define GT_MM 1000.0
+#define GT_DEGREES 57.29577951308232
+#define GT_AIPOS 2U
+#define GT_ASPOS 3U
 #define GT_EIPOS 4U /* places in gt_rsi_robot.given */
 #define GT_ESPOS 5U
+
+/* Of what the protocols state, in m or rad. */
+static double gt_peer_unit(const gt_peer *peer)
+{
+    return peer->joints ? GT_DEGREES : GT_MM;
+}
+
+static uint32_t gt_peer_count(const gt_peer *peer, const gt_egm_pose *pose)
+{
+    return peer->joints ? pose->joint_count : pose->external_count;
+}
+
+static const double *gt_peer_axes(const gt_peer *peer, const gt_egm_pose *pose)
+{
+    return peer->joints ? pose->joints_deg : pose->external_mm;
+}
 
 static int gt_peer_read_egm(const gt_peer *peer, const uint8_t *data, uint32_t length, gt_feedback *feedback)
 {
     gt_egm_robot robot;
     uint32_t n;
 
-    if (!gt_egm_read_robot(data, length, &robot) || (robot.feedback.external_count < peer->axes) ||
+    if (!gt_egm_read_robot(data, length, &robot) || (gt_peer_count(peer, &robot.feedback) < peer->axes) ||
         ((robot.type != GT_EGM_TYPE_DATA) && (robot.type != GT_EGM_TYPE_UNDEFINED))) {
         return 0;
     }
     feedback->sequence = robot.sequence;
     feedback->time_ms = robot.time_ms;
-    feedback->has_planned = (robot.planned.external_count >= peer->axes) ? 1 : 0;
+    feedback->has_planned = (gt_peer_count(peer, &robot.planned) >= peer->axes) ? 1 : 0;
     feedback->running =
         ((robot.mci_state == GT_EGM_MCI_RUNNING) && (robot.motor_state != GT_EGM_MOTORS_OFF)) ? 1 : 0;
     for (n = 0U; n < peer->axes; n++) {
-        feedback->position_m[n] = robot.feedback.external_mm[n] / GT_MM;
-        feedback->planned_m[n] = robot.planned.external_mm[n] / GT_MM;
+        feedback->position_m[n] = gt_peer_axes(peer, &robot.feedback)[n] / gt_peer_unit(peer);
+        feedback->planned_m[n] = gt_peer_axes(peer, &robot.planned)[n] / gt_peer_unit(peer);
     }
     feedback->joint_count = robot.feedback.joint_count;
     gt_copy(feedback->joints_deg, robot.feedback.joints_deg, (int)GT_AXES);
@@ -37,12 +56,12 @@ static int gt_peer_read_egm(const gt_peer *peer, const uint8_t *data, uint32_t l
     return 1;
 }
 
-/* Of the external axes that were given, those that are carts are all there. */
-static int gt_peer_has_carts(const gt_peer *peer, uint32_t given)
+/* Of the axes that were given, those of the robot are all there. */
+static int gt_peer_has_axes(const gt_peer *peer, uint32_t given)
 {
-    const uint32_t carts = (((uint32_t)1U) << peer->axes) - 1U;
+    const uint32_t axes = (((uint32_t)1U) << peer->axes) - 1U;
 
-    return ((given & carts) == carts) ? 1 : 0;
+    return ((given & axes) == axes) ? 1 : 0;
 }
 
 static int gt_peer_read_rsi(const gt_peer *peer, const uint8_t *data, uint32_t length, gt_feedback *feedback)
@@ -50,17 +69,17 @@ static int gt_peer_read_rsi(const gt_peer *peer, const uint8_t *data, uint32_t l
     gt_rsi_robot robot;
     uint32_t n;
 
-    if (!gt_rsi_read_robot(data, length, &robot) || !gt_peer_has_carts(peer, robot.given[GT_EIPOS])) {
+    if (!gt_rsi_read_robot(data, length, &robot) || !gt_peer_has_axes(peer, robot.given[peer->joints ? GT_AIPOS : GT_EIPOS])) {
         return 0;
     }
     feedback->sequence = robot.ipoc / peer->cycle_ms;
     feedback->time_ms = robot.ipoc;
-    feedback->has_planned = gt_peer_has_carts(peer, robot.given[GT_ESPOS]);
+    feedback->has_planned = gt_peer_has_axes(peer, robot.given[peer->joints ? GT_ASPOS : GT_ESPOS]);
     feedback->running = 1; /* a controller that sends waits for answers */
     feedback->delay = robot.delay;
     for (n = 0U; n < peer->axes; n++) {
-        feedback->position_m[n] = robot.eipos_mm[n] / GT_MM;
-        feedback->planned_m[n] = robot.espos_mm[n] / GT_MM;
+        feedback->position_m[n] = (peer->joints ? robot.aipos_deg[n] : robot.eipos_mm[n]) / gt_peer_unit(peer);
+        feedback->planned_m[n] = (peer->joints ? robot.aspos_deg[n] : robot.espos_mm[n]) / gt_peer_unit(peer);
     }
     feedback->stamp_length = robot.ipoc_length;
     (void)memcpy(feedback->stamp, robot.ipoc_text, sizeof(feedback->stamp));
@@ -116,10 +135,11 @@ static uint32_t gt_peer_write_egm(const gt_peer *peer, const gt_feedback *feedba
     sensor.time_ms = (uint32_t)feedback->time_ms;
     sensor.joint_count = feedback->joint_count;
     gt_copy(sensor.joints_deg, feedback->joints_deg, (int)GT_AXES);
-    sensor.external_count = peer->axes;
+    sensor.external_count = peer->joints ? 0U : peer->axes;
     for (n = 0U; n < peer->axes; n++) {
-        sensor.external_mm[n] = command->position_m[n] * GT_MM;
-        sensor.external_speeds_mm_s[n] = command->speed_m_s[n] * GT_MM;
+        (peer->joints ? sensor.joints_deg : sensor.external_mm)[n] = command->position_m[n] * gt_peer_unit(peer);
+        (peer->joints ? sensor.joint_speeds_deg_s : sensor.external_speeds_mm_s)[n] =
+            command->speed_m_s[n] * gt_peer_unit(peer);
     }
     return gt_egm_write_sensor(&sensor, data, capacity);
 }
@@ -135,7 +155,8 @@ static uint32_t gt_peer_write_rsi(const gt_peer *peer, const gt_feedback *feedba
         sensor.rkorr[n] = command->path_m[n] * GT_MM;
     }
     for (n = 0U; !command->along_path && (n < peer->axes); n++) {
-        sensor.ek_mm[n] = (command->position_m[n] - peer->start_m[n]) * GT_MM;
+        (peer->joints ? sensor.ak_deg : sensor.ek_mm)[n] =
+            (command->position_m[n] - peer->start_m[n]) * gt_peer_unit(peer);
     }
     sensor.ipoc_length = feedback->stamp_length;
     (void)memcpy(sensor.ipoc_text, feedback->stamp, sizeof(sensor.ipoc_text));

@@ -1,4 +1,5 @@
-/* Between the protocols and the laws: a datagram as feedback, a command as the answer to it. Carts in mm outside. */
+/* Between the protocols and the laws: a datagram as feedback, a command as the answer to it. Carts are in mm outside and
+ * joints in degrees; inside, positions are in m, or in rad. */
 #ifndef GT_PEER_H
 #define GT_PEER_H
 
@@ -12,10 +13,11 @@ typedef enum gt_protocol { GT_PEER_EGM = 0, GT_PEER_RSI = 1 } gt_protocol;
 
 typedef struct gt_peer {
     gt_protocol protocol;
-    uint32_t axes;           /* carts that the robot has to report */
+    uint32_t axes;           /* carts, or joints, that the robot has to report */
     uint32_t cycle_ms;       /* 4, or 12 for RSI */
     int reads_wrenches;      /* 1: those of the datagrams are read */
     double start_m[GT_AXES]; /* RSI corrections count from here */
+    int joints;              /* 1: the axes are the joints of an arm, 0: carts, which are external axes */
 } gt_peer;
 
 /* 1 and `feedback`, or 0 for a datagram that is not of this protocol, lacks a cart, or names another type of message

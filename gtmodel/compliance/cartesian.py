@@ -166,10 +166,10 @@ OUTSIDE = "beyond the joints' limits"
 
 
 class SprungArm:
-    """A serial arm with a spherical wrist and joint springs. Raises ArgumentError."""
+    """A serial arm of six joints that turn, with named postures, and joint springs. Raises ArgumentError."""
 
     def __init__(self, model: Model, arm: ArmSprings, load: Load, pose: Sequence[float] | None) -> None:
-        self.model, self.load = model, load
+        self.load = load
         if len(arm.joint) != 6:
             raise ArgumentError(f"has {len(arm.joint)} numbers; expected 6, one per joint", "springs.joint")
         self.compliance = 1 / np.asarray(arm.joint)
@@ -178,14 +178,11 @@ class SprungArm:
         self.chain = chain_of(model, named=True)
         if abs(self.chain.axes[0, 2]) < 1 or self.chain.axes[1, 2]:
             raise ArgumentError("expected an arm such as kr500, with axis 1 vertical and axis 2 horizontal", "robot")
-        try:
-            nominal = arm_poses(model, q, arm.tool)
-        except (AttributeError, ValueError) as error:
-            raise ArgumentError(f"expected a serial arm such as kr500; {error}", "robot") from error
-        self.R = nominal.R[0]
+        flange, R = self.chain.pose(q)
+        self.R = R[0]
         self.limits = getattr(model, "joint_limits", None)
-        self.home = nominal.T[0] if pose is None else np.asarray(pose, float)
-        branches = postures(self.chain, nominal.T - self.R @ self.tool, self.R).q[0]
+        self.home = flange[0] + self.R @ self.tool if pose is None else np.asarray(pose, float)
+        branches = postures(self.chain, flange, self.R).q[0]
         self.branch = int(np.nanargmin(np.abs(within_pi(branches - q[0])).sum(axis=1)))
         across = rotation_about(self.chain.axes[0], q[0, 0]) @ np.cross(self.chain.axes[1], [0.0, 0.0, 1.0])
         normal = np.cross(across, [0.0, 0.0, 1.0])
@@ -221,11 +218,11 @@ class SprungArm:
         C, moved, work = np.full((n, 6, 6), np.nan), np.full((n, 6), np.nan), np.full((n, 6), np.nan)
         load = np.array([*self.load.force, *self.load.moment])
         if good.any():
-            poses: ArmPoses = arm_poses(self.model, q[good], self.tool)
-            C[good] = (poses.J * self.compliance) @ np.swapaxes(poses.J, 1, 2)
-            torque = np.einsum("nij,i->nj", poses.J, load)
+            J = at_tool(self.chain.jacobian(q[good]), np.tile(self.R @ self.tool, (int(good.sum()), 1)))
+            C[good] = (J * self.compliance) @ np.swapaxes(J, 1, 2)
+            torque = np.einsum("nij,i->nj", J, load)
             turned = self.compliance * torque
-            moved[good] = np.einsum("nij,nj->ni", poses.J, turned)
+            moved[good] = np.einsum("nij,nj->ni", J, turned)
             work[good] = torque * turned / 2
         shares = None
         if np.any(load):

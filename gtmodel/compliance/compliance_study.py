@@ -39,7 +39,8 @@ def study(
     """Compute stiffness, deflection and natural frequencies of a robot at one pose and over a section.
 
     Args:
-        robot: a parallel robot with links on carts, or a serial arm with a spherical wrist.
+        robot: a parallel robot with links on carts, or a serial arm of six joints with named postures: a spherical
+            wrist, or three parallel axes.
         springs: `Springs` of the parallel robot, or `ArmSprings` of the serial one.
         load: force [N] and moment [N.m] at the tool centre point, world coordinates; none if left out.
         pose: (3,) reported tool centre point [m]; the robot's home if left out.

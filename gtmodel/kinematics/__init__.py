@@ -17,6 +17,8 @@ postures          all postures of a serial arm for poses: named branches, limits
 along_path        one posture for each row of a path, without jumps where the arm allows it: a PosturePath
 chain_of          joint axes of an arm's model: a Chain, the argument of `postures` and `closed_form`
 ElbowAngle        redundancy of seven joints resolved by the elbow; LockedJoint: by a joint that is held
+link_distances    distances of an arm's links from each other and from obstacles: a LinkDistances; declared by a
+                  `Clearance` of LinkCapsule, CapsuleObstacle, BoxObstacle, PlaneObstacle
 MotionMaps        velocity and acceleration maps of any position causality
 
 Measured guideways
@@ -56,6 +58,7 @@ if TYPE_CHECKING:
         arm_postures as arm_postures,
         assembly_modes as assembly_modes,
         causality as causality,
+        clearance as clearance,
         mobility as mobility,
         section as section,
         singularity as singularity,
@@ -72,6 +75,16 @@ if TYPE_CHECKING:
     )
     from .assembly_modes import ModesStudy as ModesStudy, modes_study as modes_study
     from .causality import CausalityStudy as CausalityStudy, causality_study as causality_study
+    from .clearance import (
+        BoxObstacle as BoxObstacle,
+        CapsuleObstacle as CapsuleObstacle,
+        Clearance as Clearance,
+        LeastDistance as LeastDistance,
+        LinkCapsule as LinkCapsule,
+        LinkDistances as LinkDistances,
+        PlaneObstacle as PlaneObstacle,
+        link_distances as link_distances,
+    )
     from .orientation import OrientationMap as OrientationMap, grid as grid, orientation_map as orientation_map
     from .planar_platform import planar_modes as planar_modes
     from .serial_chain import chain_of as chain_of

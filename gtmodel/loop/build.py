@@ -23,6 +23,7 @@ STAMP = "gt_loop.sha256"  # hash of the program and of the files it was built fr
 _FORWARD = (("q",), ("T",))
 _CARTS = (("T", "der(T)"), ("q", "der(q)"))
 _INVERSE_DYNAMICS = (("T", "der(T)", "der(T,2)"), ("tau",))
+_JOINT_DYNAMICS = (("q", "der(q)", "der(q,2)"), ("tau",))
 
 
 def manifest_of(folder: Path) -> dict[str, Any]:
@@ -40,10 +41,10 @@ def manifest_of(folder: Path) -> dict[str, Any]:
     return content
 
 
-def adapter(content: Mapping[str, Any], axes: int) -> str:
+def adapter(content: Mapping[str, Any], axes: int, joints: bool = False) -> str:
     """Return the text of gt_loop_model.c: the generated functions that laws call, under the names the loop uses."""
     forward = _function(content, *_FORWARD)
-    dynamics = _function(content, *_INVERSE_DYNAMICS)
+    dynamics = _function(content, *(_JOINT_DYNAMICS if joints else _INVERSE_DYNAMICS))
     carts = _function(content, *_CARTS)
     parts = [
         f"/* The functions of gt_{content['name']} that the laws of the loop call. Written by gtmodel. */\n",
@@ -58,27 +59,27 @@ def adapter(content: Mapping[str, Any], axes: int) -> str:
         if function is not None:
             names[name] = f"gt_loop_model_{name}"
             parts.append(_call(names[name], function, arguments, content["real"]))
-    parts.append(f"const gt_robot_model gt_loop_model = {{{axes}U, {', '.join(names.values())}}};\n")
+    parts.append(f"const gt_robot_model gt_loop_model = {{{axes}U, {', '.join(names.values())}, {int(joints)}}};\n")
     return "".join(parts)
 
 
-def sources(content: Mapping[str, Any], axes: int) -> dict[str, str]:
+def sources(content: Mapping[str, Any], axes: int, joints: bool = False) -> dict[str, str]:
     """Return the loop's files by name: runtime, loop and adapter. With the generated folder they make a program."""
     texts: dict[str, str] = {}
     for part in ("runtime", "loop"):
         for path in sorted((codegen_dir() / part).glob("*.[ch]")):
             if path.name != "gt_model_main.c" and path.name not in content["files"]:
                 texts[path.name] = path.read_text(encoding="utf-8")
-    return {**texts, ADAPTER: adapter(content, axes)}
+    return {**texts, ADAPTER: adapter(content, axes, joints)}
 
 
-def build(folder: Path, place: Path, axes: int) -> Path:
+def build(folder: Path, place: Path, axes: int, joints: bool = False) -> Path:
     """Write the loop's files into `place` and compile them with the generated `folder`; returns the program's path.
 
     Args:
         folder: folder written by `gtmodel.cgen`, with the functions of a robot.
         place: folder for the loop's files and the program.
-        axes: number of carts.
+        axes: number of carts, or of joints of an arm if `joints`.
 
     A program built there from identical files is reused, unless it was changed since or another user can write to it.
     The compiler treats every warning as an error. Raises GenerationError if the folder was not generated or was edited,
@@ -95,7 +96,7 @@ def build(folder: Path, place: Path, axes: int) -> Path:
     if isinstance(tools, str):
         raise GenerationError(tools)
     place.mkdir(parents=True, exist_ok=True)
-    texts = sources(content, axes)
+    texts = sources(content, axes, joints)
     source_hash = sha256(json.dumps([texts, content["files"], tools.cc, STANDARD], sort_keys=True))
     stamp = place / STAMP
     program = place / PROGRAM

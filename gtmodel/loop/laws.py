@@ -58,7 +58,7 @@ InverseDynamics = Callable[[list[float], list[float], list[float]], tuple[Status
 
 
 def reference_columns(axes: int) -> int:
-    """Return the number of columns of a reference: q, der(q), der(q,2) of the carts, then T, der(T), der(T,2)."""
+    """Return the number of columns of a reference: q, der(q), der(q,2) of the axes, then T, der(T), der(T,2)."""
     return 3 * axes + 9
 
 
@@ -123,7 +123,8 @@ class DynamicsLaw:
     """Law with inverse-dynamics feedforward for carts under a servo F = kp (u - q) + kd (du - dq).
 
     reference: as in `TrajectoryLaw`. kp_N_m, kd_N_s_m: the servo's gains for each cart; `sends_speed`: the servo also
-    receives du; `lead_ms`: how far ahead the reference is read [ms]. The C version is gt_law_dynamics.h.
+    receives du; `lead_ms`: how far ahead the reference is read [ms]. joints: the axes are joints, and
+    `inverse_dynamics` takes q, der(q), der(q,2) in place of T and its derivatives. The C version is gt_law_dynamics.h.
     """
 
     reads_wrenches: ClassVar[bool] = False
@@ -135,6 +136,7 @@ class DynamicsLaw:
     lead_ms: int
     kp_N_m: list[float]
     kd_N_s_m: list[float]
+    joints: bool = False
 
     def init(self, first: RobotFeedback) -> Status:
         if self.inverse_dynamics is None or self.reference.rows.shape[1] != reference_columns(self.axes):
@@ -146,8 +148,8 @@ class DynamicsLaw:
         status, row = self.reference.at(elapsed_ms + self.lead_ms)
         force: list[float] = []
         if status is Status.OK and self.feedforward:
-            tcp = row[3 * self.axes :]
-            status, force = self.inverse_dynamics(tcp[:3], tcp[3:6], tcp[6:9])
+            given, width = (row, self.axes) if self.joints else (row[3 * self.axes :], 3)
+            status, force = self.inverse_dynamics(*(given[n * width : (n + 1) * width] for n in range(3)))
         if status is not Status.OK:
             return status
         command.along_path = False

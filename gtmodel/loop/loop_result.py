@@ -69,9 +69,20 @@ class LoopStudy(Study):
     cycles: Annotated[int, Quantity("", "number of cycles of each run")] = 0
     real_time: Annotated[bool, Quantity("", "whether the system granted both runs real-time priority")] = False
     hold_cycles: Annotated[int, Quantity("", "cycles held after the robot is lost, before braking")] = HOLD_CYCLES
-    deceleration: Annotated[float, Quantity("m/s2", "braking deceleration of the fastest cart")] = 0.0
-    greatest_speed: Annotated[float, Quantity("m/s", "greatest cart speed in the reference")] = 0.0
-    stopping_distance: Annotated[float, Quantity("m", "distance to the stop of a lost robot from that speed")] = 0.0
+    deceleration: Annotated[float | None, Quantity("m/s2", "braking deceleration of the fastest cart")] = None
+    greatest_speed: Annotated[float | None, Quantity("m/s", "greatest cart speed in the reference")] = None
+    stopping_distance: Annotated[
+        float | None, Quantity("m", "distance to the stop of a lost robot from that speed")
+    ] = None
+    joint_deceleration: Annotated[
+        float | None, Quantity("rad/s2", "braking deceleration of the fastest joint; null for carts")
+    ] = None
+    greatest_joint_speed: Annotated[
+        float | None, Quantity("rad/s", "greatest joint speed in the reference; null for carts")
+    ] = None
+    stopping_angle: Annotated[
+        float | None, Quantity("rad", "angle to the stop of a lost robot from that speed; null for carts")
+    ] = None
     runs: Annotated[
         Sequence[Mapping[str, Any]], Quantity("", "per run: its errors in mm, and the report of the loop")
     ] = ()
@@ -90,7 +101,19 @@ class LoopStudy(Study):
         return [
             *rows_of(self.runs, self.in_lockstep),
             *([] if stopped is None else [Row("the plant failed at", stopped, "s")]),
+            *self._stop(),
+        ]
+
+    def _stop(self) -> list[Row]:
+        held = f"robot lost: held for {self.hold_cycles} cycles, then braked at"
+        if self.greatest_joint_speed is not None:
+            return [
+                Row("greatest speed of a joint", self.greatest_joint_speed, "rad/s"),
+                Row(held, self.joint_deceleration, "rad/s2"),
+                Row("robot lost: stopping angle from that speed", self.stopping_angle, "rad"),
+            ]
+        return [
             Row("greatest speed of a cart", self.greatest_speed, "m/s"),
-            Row(f"robot lost: held for {self.hold_cycles} cycles, then braked at", self.deceleration, "m/s2"),
+            Row(held, self.deceleration, "m/s2"),
             Row("robot lost: stopping distance from that speed", self.stopping_distance, "m"),
         ]

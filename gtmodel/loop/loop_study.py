@@ -35,8 +35,10 @@ from .one_run import (
     OneRun,
     Reference,
     Stop,
+    joint_servo,
     plant_at_start,
     run_of,
+    turns,
 )
 from .plant import PlantSource, Servo
 from .process import FULL, STATES, LoopError, trajectory_of
@@ -77,55 +79,60 @@ BACK = 1.5
 _WRITES_ONE = "gtmodel solve --out writes such a motion"
 
 
-def there_and_back(robot: Model, motion: Trajectory, cycles: int, slower: float = 1.0) -> ReferenceTable:
+def there_and_back(
+    robot: Model, motion: Trajectory, cycles: int, slower: float = 1.0, *, joints: int = 0
+) -> ReferenceTable:
     """Return rows q, der(q), der(q,2), T, der(T), der(T,2) every 4 ms for at least `cycles` cycles.
 
-    motion: T, der(T) and der(T,2) every 4 ms, from rest to rest; stretched to `slower` times its duration. Raises
-    ArgumentError if `reference` is not such a motion, or if the robot cannot reach it.
+    motion: T, der(T) and der(T,2), or the same of q of an arm with so many `joints`, every 4 ms, from rest to rest;
+    stretched to `slower` times its duration. Raises ArgumentError if `reference` is not such a motion, or if the robot
+    cannot reach it.
     """
-    for name in ("T", "der(T)", "der(T,2)"):
-        if name not in motion.names or motion[name].shape[1:] != (3,):
-            raise ArgumentError(f"lacks {name} with three components; {_WRITES_ONE}", "reference")
+    given, follows, n = ("q", "T", joints) if joints else ("T", "q", 3)
+    names, others = ([x, f"der({x})", f"der({x},2)"] for x in (given, follows))
+    for name in names:
+        if name not in motion.names or motion[name].shape[1:] != (n,):
+            raise ArgumentError(f"lacks {name} with {n} components; {_WRITES_ONE}", "reference")
     step = 1e-3 * CYCLE_MS
     if len(motion) < 2 or not np.allclose(np.diff(motion.time), step, rtol=0, atol=1e-9):
         raise ArgumentError(f"must have a row every {step:g} s; {_WRITES_ONE}", "reference")
-    outward = np.hstack([motion["T"], motion["der(T)"], motion["der(T,2)"]])
+    outward = np.hstack([motion[name] for name in names])
     if slower != 1.0:
-        outward = _back(motion, slower)[::-1] * np.repeat([1.0, -1.0, 1.0], 3)
-    outward[-1, 3:] = 0.0
-    back = _back(motion, BACK * slower)
-    begin, end = _resting(outward[0]), _resting(outward[-1])
+        outward = _back(motion, names, slower)[::-1] * np.repeat([1.0, -1.0, 1.0], n)
+    outward[-1, n:] = 0.0
+    back = _back(motion, names, BACK * slower)
+    begin, end = _resting(outward[0, :n]), _resting(outward[-1, :n])
     rest = (REST_CYCLES, 1)
     period = np.vstack([np.tile(begin, rest), outward, np.tile(end, rest), back])
     rows = np.vstack([np.tile(period, (-(-cycles // len(period)), 1)), np.tile(begin, rest)])
-    q, dq, ddq, status = compile_causal(robot, known="T", targets=["q", "der(q)", "der(q,2)"])(
-        rows[:, :3], rows[:, 3:6], rows[:, 6:]
-    )
+    *following, status = compile_causal(robot, known=given, targets=others)(
+        rows[:, :n], rows[:, n : 2 * n], rows[:, 2 * n :]
+    )  # fmt: skip
     bad = np.flatnonzero(status != Status.OK)
     if len(bad):
         raise ArgumentError(f"at {step * bad[0]:g} s: {Status(int(status[bad[0]])).message}", "reference")
-    return ReferenceTable(np.hstack([q, dq, ddq, rows]), CYCLE_MS)
+    return ReferenceTable(np.hstack([rows, *following] if joints else [*following, rows]), CYCLE_MS)
 
 
-def _resting(row: np.ndarray) -> np.ndarray:
-    return np.concatenate([row[:3], np.zeros(6)])[None]
+def _resting(place: np.ndarray) -> np.ndarray:
+    return np.concatenate([place, np.zeros(2 * len(place))])[None]
 
 
-def _back(motion: Trajectory, slower: float) -> np.ndarray:
+def _back(motion: Trajectory, names: list[str], slower: float) -> np.ndarray:
     """Return the motion backwards, `slower` times as long, to its start."""
-    curve = scipy.interpolate.CubicHermiteSpline(motion.time, motion["T"], motion["der(T)"])
+    place, speed, second = (motion[name] for name in names)
+    curve = scipy.interpolate.CubicHermiteSpline(motion.time, place, speed)
     end = float(motion.time[-1])
     times = np.maximum(0.0, end - 1e-3 * CYCLE_MS / slower * np.arange(int(np.ceil(slower * len(motion))) + 1))
-    acceleration = [np.interp(times, motion.time, column) for column in motion["der(T,2)"].T]
+    acceleration = [np.interp(times, motion.time, column) for column in second.T]
     rows = np.hstack([curve(times), -curve(times, 1) / slower, np.stack(acceleration, axis=1) / slower**2])
-    rows[times <= 0.0] = _resting(motion["T"][0])
-    rows[0, 3:] = 0.0
+    rows[times <= 0.0] = _resting(place[0])
+    rows[0, place.shape[1] :] = 0.0
     return rows
 
 
 # largest ratio of the tracking errors with and without the law; path correction is slow and only has to help
 GAINS = {"trajectory": 0.5, "dynamics": 0.5, "replay": 0.5, "path": 1.0}
-AXES_HERE = 3
 # tolerance between the start of a plant and of its reference: two kinematics may differ by rounding
 START_NEAR_M = 1e-6
 SYNTHETIC = "the plant is the {}: all measurements are synthetic"
@@ -152,10 +159,12 @@ def study(
     """Build the loop with a generated folder; run it on loopback against a simulated controller, without and with law.
 
     Args:
-        robot: the simulated robot, with three carts and a position T; the folder was generated from its functions.
+        robot: the simulated robot, with three carts [m] or up to six joints [rad] and a position T; the folder was
+            generated from its functions. Joints have the laws trajectory and dynamics.
         folder: written by `cgen.study` or gtmodel codegen.
-        reference: T, der(T), der(T,2) every 4 ms from rest to rest, or a function that returns it, called after the
-            program is built. The robot repeats it there and more slowly back. Not used by lead_through.
+        reference: T, der(T), der(T,2) of carts, or q, der(q), der(q,2) of joints, every 4 ms from rest to rest, or a
+            function that returns it, called after the program is built. The robot repeats it there and more slowly
+            back. Not used by lead_through.
         peer: egm or rsi.
         seconds: duration of each of the two runs; with `in_lockstep` they go as fast as the machine allows.
         law: trajectory, dynamics, replay or path; the law chooses the plant: drives of eq. (6.11), or the rigid-body
@@ -166,10 +175,10 @@ def study(
             must start where the reference does; the law dynamics must know the stiffness of its servo. If the plant
             fails on the way, the study has failed and keeps the measurements until then.
         elastic: natural frequency [Hz] of springs between carts and arm, unknown to the laws; None: the arm is rigid.
-        deceleration: of the fastest cart when the robot is lost [m/s2], after the held cycles. If None, the largest
-            deceleration of a cart in the reference, or for lead_through the limit of the law.
-        following: largest distance of a cart from its last command [m]; beyond it the loop brakes. Not used with the
-            law path, which commands no carts.
+        deceleration: of the fastest axis when the robot is lost [m/s2, rad/s2], after the held cycles. If None, the
+            largest deceleration in the reference, or for lead_through the limit of the law.
+        following: largest distance of a cart or joint from its last command [m, rad]; beyond it the loop brakes. Not
+            used with the law path, which commands no carts.
         built: folder of an earlier run; its program is reused if it was built from identical files.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
@@ -191,11 +200,14 @@ def study(
     (50, True)
     """
     work = Work(**work_options)
-    known = None if plant is None else _known(plant, law)
     with naming("robot", ValueError):
         forward = compile_causal(robot, known="q", targets="T")
-    if [s.shape for s in (*forward.inputs, *forward.outputs)] != [(3,), (3,)]:
-        raise ArgumentError("expected a robot with three carts and a position T", "robot")
+    joints = forward.inputs[0].shape[0] if turns(forward) else 0
+    if forward.outputs[0].shape != (3,) or not (0 < joints <= AXES or forward.inputs[0].shape == (3,)):
+        raise ArgumentError("expected a robot with T and three carts, or up to six joints that turn", "robot")
+    if joints and law not in ("trajectory", "dynamics"):
+        raise ArgumentError(f"the law {law} moves carts; joints have the laws trajectory and dynamics", "law")
+    known = None if plant is None else _known(plant, law, joints or 3)
     if law == "lead_through" and lead_through is None:
         raise ArgumentError("the law lead_through needs its settings: add a table [lead_through] to the problem", "law")
     if law != "lead_through" and reference is None:
@@ -204,7 +216,7 @@ def study(
         work.progress("building the loop")
         if built is not None:
             built_before(Path(built), place)
-        program = build(Path(folder), place, 3)
+        program = build(Path(folder), place, joints or 3, bool(joints))
         cycles = max(1, round(1000 * seconds / CYCLE_MS))
         try:
             if lead_through is not None and law == "lead_through":
@@ -227,13 +239,15 @@ def study(
             else:
                 assert reference is not None
                 motion = reference if isinstance(reference, Trajectory) else reference()
-                table = there_and_back(robot, motion, cycles, SLOWER.get(law, 1.0))
+                table = there_and_back(robot, motion, cycles, SLOWER.get(law, 1.0), joints=joints)
                 (place / "reference.table").write_bytes(table.to_bytes())
                 lost = Stop.of(table.rows[:cycles], deceleration)
                 bench = Bench(
                     peer, law, robot, forward, program, place, table, cycles, in_lockstep, elastic, lost, work, plant,
                     following_m=following,
                 )  # fmt: skip
+                if joints:
+                    bench = replace(bench, servo=joint_servo(robot, bench.carts_m[0]))
                 if known is not None:
                     _check_start(known, bench)
                     bench = replace(bench, servo=known.servo or bench.servo)
@@ -248,6 +262,13 @@ def study(
         return outcome.with_(files=files | {path.name: path.read_bytes() for path in sorted(place.iterdir())})
 
 
+# quantities of the stop of carts, and of joints
+STOP = (
+    ("deceleration", "greatest_speed", "stopping_distance"),
+    ("joint_deceleration", "greatest_joint_speed", "stopping_angle"),
+)
+
+
 class PlantStart(NamedTuple):
     """Title, position and servo of a plant at its start."""
 
@@ -256,15 +277,15 @@ class PlantStart(NamedTuple):
     servo: Servo | None
 
 
-def _known(plant: PlantSource, law: str) -> PlantStart:
+def _known(plant: PlantSource, law: str, axes: int) -> PlantStart:
     """Start a plant, read these and release it, as not every unit can run twice at a time. Raises ArgumentError."""
     if law == "lead_through":
         raise ArgumentError("the law lead_through has a plant in its scene; leave this out", "plant")
     first = plant_at_start(plant)
     title = str(getattr(first, "title", type(first).__name__))
     known = PlantStart(title, np.array(first.position_m), getattr(first, "servo", None))
-    if len(known.position_m) != AXES_HERE:
-        raise ArgumentError(f"expected {AXES_HERE} carts; found {len(known.position_m)}", "plant.position")
+    if len(known.position_m) != axes:
+        raise ArgumentError(f"expected {axes} carts; found {len(known.position_m)}", "plant.position")
     if law == "dynamics" and known.servo is None:
         raise ArgumentError(
             "the law dynamics needs the stiffness and damping of the servo inside the plant; add them",
@@ -310,7 +331,10 @@ def _compared(bench: Bench, plant: str, title: str) -> LoopStudy:
         plain, active = (e["tcp_rms_mm"] for e in errors)
         checks["rms_error_ratio"] = at_most(active / plain, GAINS[bench.law])
     for name, one in zip(("off", "on"), runs, strict=False):
-        log = trajectory_of(one.log, 3, 1e-3 * CYCLE_MS, title=f"{bench.peer}, {one.label}: log of the loop")
+        log = trajectory_of(
+            one.log, bench.axes, 1e-3 * CYCLE_MS, title=f"{bench.peer}, {one.label}: log of the loop",
+            unit="rad" if bench.joints else "m",
+        )  # fmt: skip
         log.to_csv(bench.place / f"loop_{name}.csv")
         state, why = STATES[one.report["state"]], Status(one.report["status"]).message
         if not one.stopped:
@@ -318,7 +342,11 @@ def _compared(bench: Bench, plant: str, title: str) -> LoopStudy:
         checks[f"{name}_log_complete"] = at_least(float(bool(one.report["log_complete"])), 1.0, FULL)
     real_time_granted = all(one.report["fifo"] and one.report["memory_locked"] for one in runs)
     timing = "in lock step" if bench.in_lockstep else "in real time" if real_time_granted else "not real-time"
-    stop, message = bench.stop, f"{bench.peer} on loopback, {timing}; tested against simulators only"
+    stop = bench.stop
+    numbers: dict[str, Any] = dict(
+        zip(STOP[bench.joints], (stop.deceleration_m_s2, stop.speed_m_s, stop.distance_m), strict=True)
+    )
+    message = f"{bench.peer} on loopback, {timing}; tested against simulators only"
     return LoopStudy(
         status=SolveStatus.FAILED if last.stopped else SolveStatus.SOLVED,
         message=f"{last.label}: {last.stopped}" if last.stopped else message,
@@ -333,9 +361,7 @@ def _compared(bench: Bench, plant: str, title: str) -> LoopStudy:
         elastic=bench.elastic_Hz,
         cycles=bench.cycles,
         real_time=real_time_granted,
-        deceleration=stop.deceleration_m_s2,
-        greatest_speed=stop.speed_m_s,
-        stopping_distance=stop.distance_m,
+        **numbers,
         runs=[{"label": one.label, **e, **one.report} for one, e in zip(runs, errors, strict=True)],
         figures={"tracking": partial(_figure, bench, runs, plant)},
     )
@@ -347,7 +373,7 @@ def _errors(bench: Bench, one: OneRun) -> dict[str, float]:
     return {
         "tcp_rms_mm": float(np.sqrt(np.mean(tcp**2))),
         "tcp_largest_mm": float(tcp.max()),
-        "cart_largest_mm": float(carts.max()),
+        "joint_largest_mrad" if bench.joints else "cart_largest_mm": float(carts.max()),
     }
 
 
@@ -355,10 +381,10 @@ def _figure(bench: Bench, runs: list[OneRun], plant: str) -> Any:
     from ..plot.signals import tracking_figure
 
     time_s = 1e-3 * CYCLE_MS * np.arange(bench.cycles)
-    reference = Trajectory(time_s, {"T": bench.tcp_m, "q": bench.carts_m}, {"T": "m", "q": "m"})
+    units = {"T": "m", "q": "rad" if bench.joints else "m"}
+    reference = Trajectory(time_s, {"T": bench.tcp_m, "q": bench.carts_m}, units)
     measured = {
-        one.label: Trajectory(time_s[: len(one.tcp_m)], {"T": one.tcp_m, "q": one.carts_m}, {"T": "m", "q": "m"})
-        for one in runs
+        one.label: Trajectory(time_s[: len(one.tcp_m)], {"T": one.tcp_m, "q": one.carts_m}, units) for one in runs
     }
     title = f"{bench.peer.upper()} on loopback, {bench.law}: simulated controller"
     if bench.plant is not None:

@@ -53,7 +53,8 @@ class Stop:
     @classmethod
     def of(cls, reference: np.ndarray, deceleration: float | None) -> Self:
         """Take the greatest speed from the rows of a reference, and its greatest deceleration if None."""
-        speeds, accelerations = np.abs(reference[:, 3:6]), np.abs(reference[:, 6:9])
+        n = (reference.shape[1] - 9) // 3
+        speeds, accelerations = np.abs(reference[:, n : 2 * n]), np.abs(reference[:, 2 * n : 3 * n])
         # if the carts rest, any deceleration will do
         return cls(float(np.max(speeds)), deceleration or float(np.max(accelerations)) or 1.0)
 
@@ -91,14 +92,24 @@ class Bench:
     following_m: float = FOLLOWING_M
 
     @property
+    def axes(self) -> int:
+        """Number of carts or joints."""
+        return self.forward.inputs[0].shape[0]
+
+    @property
+    def joints(self) -> bool:
+        """Whether the axes are joints [rad], not carts [m]."""
+        return turns(self.forward)
+
+    @property
     def carts_m(self) -> np.ndarray:
-        """Reference of the carts (cycles, 3) [m]."""
-        return self.reference.rows[: self.cycles, :3]
+        """Reference of the carts (cycles, n) [m], or joints [rad]."""
+        return self.reference.rows[: self.cycles, : self.axes]
 
     @property
     def tcp_m(self) -> np.ndarray:
         """Reference of the tool centre point (cycles, 3) [m]."""
-        return self.reference.rows[: self.cycles, 9:12]
+        return self.reference.rows[: self.cycles, 3 * self.axes : 3 * self.axes + 3]
 
 
 # the simulated controller shares the machine with other work: if it was silent for longer than the loop may hold, the
@@ -194,7 +205,7 @@ def _once(bench: Bench, label: str, *, active: bool) -> tuple[OneRun, bool, floa
         plant = ElasticPlant(plant, bench.elastic_Hz, ELASTIC_DAMPING, 1e-3 * CYCLE_MS)
     if bench.law == "path":
         programme = _programme(bench)
-    robot = RobotSide(bench.peer, plant, cycle_ms=CYCLE_MS, programme=programme)
+    robot = RobotSide(bench.peer, plant, cycle_ms=CYCLE_MS, programme=programme, joints=bench.joints)
     log = bench.place / ("loop_on.log" if active else "loop_off.log")
     log.unlink(missing_ok=True)  # of an earlier attempt
     options = [*_options(bench, active), "--deceleration", repr(bench.stop.deceleration_m_s2), "--log", str(log)]
@@ -228,17 +239,47 @@ def _plant(bench: Bench) -> Plant:
     if bench.plant is not None:
         return plant_at_start(bench.plant)
     start = bench.carts_m[0]
+    if bench.law == "dynamics" and bench.joints:
+        forward = compile_causal(bench.robot, known="tau", targets="der(q,2)", prefer="q")
+        return RigidBodyPlant(forward, None, start.tolist(), bench.servo, CYCLE_MS / 1000.0)
     if bench.law == "dynamics":
         forward = compile_causal(bench.robot, known="tau", targets="der(T,2)", prefer="T")
         velocity = compile_causal(bench.robot, known="T", targets=["q", "der(q)"])
         return RigidBodyPlant(forward, velocity, bench.tcp_m[0].tolist(), Servo(), CYCLE_MS / 1000.0)
-    drives = actuator_closed_loop()
+    drives = drives_of(bench.axes)
     return DrivePlant(start.tolist(), drives["a"], drives["b"], drives["delay"])
+
+
+def turns(forward: CausalFunction) -> bool:
+    """Return whether the axes of a robot are joints that turn, by the unit of q."""
+    return forward.inputs[0].unit == "rad"
+
+
+def drives_of(axes: int) -> dict[str, Any]:
+    """Return the drives of eq. (6.11), those of three carts, repeated for more axes."""
+    drives = actuator_closed_loop()
+    return drives | {name: np.resize(drives[name], axes).tolist() for name in "ab"}
+
+
+JOINT_RATE = 150.0  # rad/s: natural frequency of the servo of each joint, with the others held
+JOINT_DAMPING = 1.0  # of the servo
+
+
+def joint_servo(robot: Model, q: np.ndarray) -> Servo:
+    """Return a servo of the joints, by the diagonal of the mass matrix at q (n,) [rad]."""
+    n = len(q)
+    inverse = compile_causal(robot, known="q", targets="tau")
+    rows = np.vstack([np.zeros(n), np.eye(n)])
+    tau, status = inverse(np.tile(q, (n + 1, 1)), np.zeros((n + 1, n)), rows)
+    if np.any(status != Status.OK):
+        raise LoopError("the torques at the start of the reference cannot be computed")
+    inertia = np.diag(tau[1:] - tau[0])
+    return Servo(tuple((JOINT_RATE**2 * inertia).tolist()), tuple((2 * JOINT_DAMPING * JOINT_RATE * inertia).tolist()))
 
 
 def _options(bench: Bench, active: bool) -> list[str]:
     """Return the loop's command-line options."""
-    drives, servo = actuator_closed_loop(), bench.servo
+    drives, servo = drives_of(bench.axes), bench.servo
     lowest = bench.carts_m.min(axis=0) - REACH_LIMIT_M
     highest = bench.carts_m.max(axis=0) + REACH_LIMIT_M
     table = str(bench.place / "reference.table")
@@ -259,8 +300,8 @@ def _options(bench: Bench, active: bool) -> list[str]:
         "--delay-ms": str(CYCLE_MS * drives["delay"]),
         "--a": _text(drives["a"]),
         "--b": _text(drives["b"]),
-        "--kp": _text([servo.kp_N_m] * 3),
-        "--kd": _text([servo.kd_N_s_m] * 3),
+        "--kp": _text(np.broadcast_to(servo.kp_N_m, bench.axes)),
+        "--kd": _text(np.broadcast_to(servo.kd_N_s_m, bench.axes)),
         # a position sent without a speed is held for a cycle: half a cycle of lead centres it
         "--lead-ms": "0" if bench.peer == "egm" else str(CYCLE_MS // 2),
         "--gain": repr(PATH_GAIN_PER_S if active else 0.0),
@@ -281,7 +322,7 @@ def _learned(bench: Bench) -> ReferenceTable:
     """Learn corrections from repeated simulated runs of the drives: u + 0.9 e(k + 5) (Dressler 2012, section 7.3)."""
     reference, delay = bench.carts_m, actuator_closed_loop()["delay"]
     # speeds that the law sends; RSI has none
-    speeds = bench.reference.rows[: bench.cycles, 3:6] * float(bench.peer == "egm")
+    speeds = bench.reference.rows[: bench.cycles, bench.axes : 2 * bench.axes] * float(bench.peer == "egm")
     correction = np.zeros_like(reference)
     for _ in range(LEARNING_RUNS):
         plant, measured = _plant(bench), np.zeros_like(reference)

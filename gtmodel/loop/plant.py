@@ -75,13 +75,14 @@ class DrivePlant:
 
 @dataclass(frozen=True)
 class Servo:
-    """Position servo of every cart: F = kp (u - q) + kd (du - dq) in every substep of a cycle.
+    """Position servo of every cart or joint: F = kp (u - q) + kd (du - dq) in every substep of a cycle.
 
-    u, du: commanded position and speed; q, dq: position and speed of the cart; gains in N/m and N s/m.
+    u, du: commanded position and speed; q, dq: position and speed of the cart or joint; gains in N/m and N s/m, or in
+    N.m/rad and N.m.s/rad, one number or one for each.
     """
 
-    kp_N_m: float = 40_000.0
-    kd_N_s_m: float = 1_500.0
+    kp_N_m: float | tuple[float, ...] = 40_000.0
+    kd_N_s_m: float | tuple[float, ...] = 1_500.0
     substeps: int = 8
 
 
@@ -89,9 +90,10 @@ class RigidBodyPlant:
     """The robot as rigid bodies with motors under a servo; within a cycle the command moves at the commanded speed.
 
     Args:
-        forward_dynamics: CausalFunction of (T, der(T), tau) -> der(T,2), inputs in any order.
-        velocity: CausalFunction of (T, der(T)) -> q, der(q).
-        tcp_m: tool centre point at the start, at rest [m]; the robot sags until its servo makes the holding force.
+        forward_dynamics: CausalFunction of (T, der(T), tau) -> der(T,2), or of (q, der(q), tau) -> der(q,2), inputs in
+            any order.
+        velocity: CausalFunction of (T, der(T)) -> q, der(q); None if the state is q.
+        start: T or q at the start, at rest [m, rad]; the robot sags until its servo makes the holding force.
         servo: gains and substeps.
         cycle_s: cycle [s].
     """
@@ -99,14 +101,14 @@ class RigidBodyPlant:
     def __init__(
         self,
         forward_dynamics: CausalFunction,
-        velocity: CausalFunction,
-        tcp_m: Sequence[float],
+        velocity: CausalFunction | None,
+        start: Sequence[float],
         servo: Servo | None = None,
         cycle_s: float = 0.004,
     ) -> None:
         self.servo = servo or Servo()
         self._step, self._carts = _cycle(forward_dynamics, velocity, self.servo, cycle_s)
-        self._state = np.concatenate([tcp_m, np.zeros(3)])
+        self._state = np.concatenate([start, np.zeros(len(start))])
         self.position_m = np.array(self._carts(self._state)).ravel()
 
     @property
@@ -116,11 +118,12 @@ class RigidBodyPlant:
 
     @property
     def tcp_m(self) -> np.ndarray:
-        """Tool centre point [m]."""
-        return self._state[:3]
+        """Tool centre point [m]; q [rad] if that is the state."""
+        return self._state[: len(self._state) // 2]
 
     def step(self, position_m: Sequence[float], speed_m_s: Sequence[float]) -> None:
-        u, du = _per_cart(position_m, 3, "position_m"), _per_cart(speed_m_s, 3, "speed_m_s")
+        n = len(self.position_m)
+        u, du = _per_cart(position_m, n, "position_m"), _per_cart(speed_m_s, n, "speed_m_s")
         self._state = np.array(self._step(self._state, u, du)).ravel()
         self.position_m = np.array(self._carts(self._state)).ravel()
 
@@ -170,14 +173,16 @@ def _per_cart(values: Sequence[float], carts: int, argument: str) -> np.ndarray:
 
 
 def _cycle(
-    forward: CausalFunction, velocity: CausalFunction, servo: Servo, cycle_s: float
+    forward: CausalFunction, velocity: CausalFunction | None, servo: Servo, cycle_s: float
 ) -> tuple[ca.Function, ca.Function]:
     """Return (state, u, du) -> state after a cycle, with fourth-order Runge-Kutta, and state -> carts."""
-    x, u, du, t = ca.SX.sym("x", 6), ca.SX.sym("u", 3), ca.SX.sym("du", 3), ca.SX.sym("t")
-    q, dq = _call(velocity, {("T", 0): x[:3], ("T", 1): x[3:]})
-    tau = servo.kp_N_m * (u + t * du - q) + servo.kd_N_s_m * (du - dq)
-    (acceleration,) = _call(forward, {("T", 0): x[:3], ("T", 1): x[3:], ("tau", 0): tau})
-    rate = ca.Function("rate", [x, u, du, t], [ca.vertcat(x[3:], acceleration)])
+    size = forward.outputs[0].shape[0]
+    x, u, du, t = ca.SX.sym("x", 2 * size), ca.SX.sym("u", size), ca.SX.sym("du", size), ca.SX.sym("t")
+    state = {0: x[:size], 1: x[size:]}
+    q, dq = (x[:size], x[size:]) if velocity is None else _call(velocity, state)
+    tau = ca.DM(servo.kp_N_m) * (u + t * du - q) + ca.DM(servo.kd_N_s_m) * (du - dq)
+    (acceleration,) = _call(forward, state, tau)
+    rate = ca.Function("rate", [x, u, du, t], [ca.vertcat(x[size:], acceleration)])
     h, state = cycle_s / servo.substeps, x
     for n in range(servo.substeps):
         time = n * h
@@ -189,7 +194,7 @@ def _cycle(
     return ca.Function("cycle", [x, u, du], [state]), ca.Function("carts", [x], [q])
 
 
-def _call(function: CausalFunction, signals: dict[tuple[str, int], ca.SX]) -> list[ca.SX]:
-    arguments = [signals["T" if "T" in s.name else "tau", s.pairs[0][1]] for s in function.inputs]
+def _call(function: CausalFunction, state: dict[int, ca.SX], tau: ca.SX | None = None) -> list[ca.SX]:
+    arguments = [tau if tau is not None and "tau" in s.name else state[s.pairs[0][1]] for s in function.inputs]
     results = function.casadi.call(arguments)
     return list(results[: len(function.outputs)])

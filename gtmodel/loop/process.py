@@ -49,11 +49,12 @@ def rows_of(log: bytes) -> np.ndarray:
     return np.frombuffer(log, dtype="<f8").reshape(-1, len(COLUMNS))
 
 
-def trajectory_of(log: bytes, axes: int, cycle_s: float, title: str = "") -> Trajectory:
-    """Return a log over the cycles of the loop: measured and commanded carts, state and counters."""
+def trajectory_of(log: bytes, axes: int, cycle_s: float, title: str = "", unit: str = "m") -> Trajectory:
+    """Return a log over the cycles of the loop: measured and commanded carts [m] or joints [rad], state and
+    counters."""
     rows = rows_of(log)
     column = {name: rows[:, n] for n, name in enumerate(COLUMNS)}
-    units = {"measured": "m", "command": "m", "speed": "m/s"}
+    units = {"measured": unit, "command": unit, "speed": f"{unit}/s"}
     values = {name: np.stack([column[f"{name}[{n}]"] for n in range(axes)], axis=1) for name in units}
     integers = ("state", *COUNTERS, *WATCHES)
     values |= {name: column[name] for name in integers}

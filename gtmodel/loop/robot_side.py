@@ -9,7 +9,7 @@ import numpy as np
 from ..results.refusal import ArgumentError
 from . import egm, rsi
 from .egm import WireError
-from .exchange import AXES, MM, Protocol
+from .exchange import AXES, DEGREES, MM, Protocol
 from .plant import Plant
 from .wrenches import Wrench, to_egm, to_rsi
 
@@ -30,6 +30,7 @@ class RobotSide:
         waits: cycles before the robot reports that it is running (EGM).
         ends: cycle from which on it reports that it is not running; None: never (EGM).
         first_number, first_ms: number and time of the first datagram (EGM); both wrap at 32 bits.
+        joints: the plant's positions are joints of an arm [rad] instead of carts [m].
         wrenches: function that returns the wrenches of the sensors at handle and tool, called once per cycle. If it is
             None or returns None, no wrenches are sent.
 
@@ -48,6 +49,7 @@ class RobotSide:
         first_number: int = 0,
         first_ms: int = 1000,
         wrenches: Sensing | None = None,
+        joints: bool = False,
     ) -> None:
         plant_s = getattr(plant, "cycle_s", None)  # only of plants with a fixed cycle
         if plant_s is not None and abs(1000.0 * plant_s - cycle_ms) > 1e-9 * cycle_ms:
@@ -55,7 +57,8 @@ class RobotSide:
         self.protocol, self.plant, self.cycle_ms = protocol, plant, cycle_ms
         self.programme, self.waits, self.ends = programme, waits, ends
         self.first_number, self.first_ms = first_number, first_ms
-        self.wrenches = wrenches
+        self.wrenches, self.joints = wrenches, joints
+        self.unit = DEGREES if joints else MM
         self.cycles = 0
         self.start_m = np.array(plant.position_m)
         self.planned_m = list(map(float, plant.position_m))
@@ -76,26 +79,36 @@ class RobotSide:
 
     def datagram(self) -> bytes:
         """Return the datagram that the robot sends in this cycle."""
-        measured = [x * MM for x in self.plant.position_m.tolist()]
-        planned = [x * MM for x in self.reported_m]
+        measured = [x * self.unit for x in self.plant.position_m.tolist()]
+        planned = [x * self.unit for x in self.reported_m]
         if self.protocol == "rsi":
             rest = [0.0] * (AXES - len(planned))
             cartesian = [0.0] * 6
-            values = {"RIst": cartesian, "RSol": cartesian, "AIPos": JOINTS_DEG, "ASPos": JOINTS_DEG}
-            values |= {"EIPos": measured + rest, "ESPos": planned + rest}
+            values = {"RIst": cartesian, "RSol": cartesian}
+            places = (("AIPos", "ASPos"), ("EIPos", "ESPos"))
+            others = [0.0] * AXES if self.joints else JOINTS_DEG
+            for (actual, target), here in zip(places, (self.joints, not self.joints), strict=True):
+                values |= (
+                    {actual: measured + rest, target: planned + rest} if here else {actual: others, target: others}
+                )
             return self._with_wrenches(rsi.encode_robot(rsi.RsiRobot(self._ipoc, delay=self.late, values=values)))
         running = self.waits <= self.cycles and (self.ends is None or self.cycles < self.ends)
         robot = egm.EgmRobot(
             sequence=self.number & UINT32,
             time_ms=self.first_ms + self.cycle_ms * self.cycles & UINT32,
             type=egm.TYPE_DATA,
-            feedback=egm.EgmPose(joints_deg=JOINTS_DEG, external_mm=measured),
-            planned=egm.EgmPose(joints_deg=JOINTS_DEG, external_mm=planned),
+            feedback=self._pose(measured),
+            planned=self._pose(planned),
             motor_state=1,
             mci_state=egm.MCI_RUNNING if running else 2,
             rapid_state=2,
         )
         return self._with_wrenches(egm.encode_robot(robot))
+
+    def _pose(self, values: list[float]) -> egm.EgmPose:
+        if self.joints:
+            return egm.EgmPose(joints_deg=values)
+        return egm.EgmPose(joints_deg=JOINTS_DEG, external_mm=values)
 
     def _with_wrenches(self, data: bytes) -> bytes:
         both = None if self.wrenches is None else self.wrenches()
@@ -126,8 +139,12 @@ class RobotSide:
                 correction = rsi.decode_sensor(data)
                 if self.programme is None:
                     self.planned_m = [
-                        s + x / MM for s, x in zip(self.start_m.tolist(), correction.ek_mm[:n], strict=True)
-                    ]
+                        s + x / self.unit
+                        for s, x in zip(
+                            self.start_m.tolist(), (correction.ak_deg if self.joints else correction.ek_mm)[:n],
+                            strict=True,
+                        )
+                    ]  # fmt: skip
                 self.path_m = [x / MM for x in correction.rkorr[:3]]
                 return correction.stamp == b"%d" % self._ipoc
             sensor = egm.decode_sensor(data)
@@ -135,7 +152,9 @@ class RobotSide:
             return False
         if sensor.path_mm is not None:
             self.path_m = [x / MM for x in sensor.path_mm]
-        elif len(sensor.external_mm) >= n and self.programme is None:
-            self.planned_m = [x / MM for x in sensor.external_mm[:n]]
-            self.speed_m_s = [x / MM for x in (sensor.external_speeds_mm_s + [0.0] * n)[:n]]  # a missing speed is zero
+        elif len(sensor.joints_deg if self.joints else sensor.external_mm) >= n and self.programme is None:
+            positions = sensor.joints_deg if self.joints else sensor.external_mm
+            speeds = sensor.joint_speeds_deg_s if self.joints else sensor.external_speeds_mm_s
+            self.planned_m = [x / self.unit for x in positions[:n]]
+            self.speed_m_s = [x / self.unit for x in (speeds + [0.0] * n)[:n]]  # a missing speed is zero
         return sensor.sequence == self.number & UINT32

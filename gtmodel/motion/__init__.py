@@ -5,6 +5,8 @@ End, Limits, JointCone, Obstacle, Cost, MotionMesh, Starts, Solver, Export   opt
 Line, Polyline, Arc, Spline, Taught   paths to follow; read_points reads them from a file
 axis_study      the optimal motion of a robot with three carts and three rotary axes: `AxisStudy`; AxisEnd, AxisLimits,
                 ToolDirection, ToolCourse, AxisCost, AxisMesh, AxisSolver; the rest in `gtmodel.motion.axes`
+arm_study       the optimal motion of a serial arm through waypoints, with distances of its links kept: `ArmStudy`;
+                ArmPose, Waypoint, ArmLimits
 table_study     several motions compared with published numbers: `MotionTable`; a `TableRow` per `MotionProblem`
 elastic_study   vibration of an elastic tool after rigid, shaped and elastic plans: `ElasticStudy`; its options are in
                 `gtmodel.motion.elastic`
@@ -16,7 +18,14 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
-    from . import axes as axes, elastic as elastic
+    from . import arms as arms, axes as axes, elastic as elastic
+    from .arms import (
+        ArmLimits as ArmLimits,
+        ArmPose as ArmPose,
+        ArmStudy as ArmStudy,
+        Waypoint as Waypoint,
+        arm_study as arm_study,
+    )
     from .axes import (
         AxisCost as AxisCost,
         AxisEnd as AxisEnd,

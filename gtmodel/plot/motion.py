@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import scipy
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
@@ -175,6 +176,78 @@ def axis_motion_figure(
 
 
 @styled
+def arm_motion_figure(
+    trajectory: Trajectory,
+    *,
+    speed: np.ndarray,
+    effort: np.ndarray,
+    passed: Sequence[float],
+    shapes: Sequence[tuple[str, np.ndarray, float]] = (),
+    distances: Mapping[str, np.ndarray] | None = None,
+    required: float | None = None,
+) -> Figure:
+    """Draw the path of an arm's tool from the side and from above, joint speeds and efforts as shares of their limits,
+    and the smallest distances.
+
+    Args:
+        trajectory: with q, der(q), tau (n, k) and T (n, 3) [m].
+        speed, effort: limits (k,), infinite if there is none.
+        passed: times [s] of the poses, start and goal included.
+        shapes: ("link" or "obstacle", points (k, 3) [m], radius [m]): hulls of the points with that radius.
+        distances: pair -> distance (n,) [m]; required: their bound [m].
+    """
+    figure, panels = with_panels(12.0, 8.2, 2, 2 if distances is None else 3)
+    panels = panels.reshape(2, -1)
+    T, time = trajectory["T"], trajectory.time
+    at = [int(np.argmin(np.abs(time - t))) for t in passed]
+    drawn = set[tuple[str, int, int]]()
+    for axes, (a, b) in zip(panels[:, 0], ((0, 2), (0, 1)), strict=True):
+        for kind, points, radius in shapes:
+            label = "links at the poses" if kind == "link" else "obstacles"
+            shown = (
+                {"facecolor": "0.88", "edgecolor": "0.6"} if kind == "link" else {"facecolor": colour(1), "alpha": 0.5}
+            )
+            outline = _outline((points[:, None, [a, b]] + radius * ROUND).reshape(-1, 2))
+            axes.fill(*outline.T, label=None if (label, a, b) in drawn else label, linewidth=0.7, **shown)
+            drawn.add((label, a, b))
+        axes.plot(T[:, a], T[:, b], color="black", label="path of the tool")
+        axes.plot(T[at, a], T[at, b], "o", color="black", markerfacecolor="white", label="poses")
+        axes.set(xlabel=f"{'xyz'[a]} [m]", ylabel=f"{'xyz'[b]} [m]")
+        axes.set_aspect("equal", adjustable="datalim")
+    panels[0, 0].set_title("from the side")
+    panels[1, 0].set_title("from above")
+    key_under(panels[1, 0], columns=2)
+    curves = [
+        (panels[0, 1], "speed", 100 * trajectory["der(q)"] / speed, "joint speed [% of its limit]"),
+        (panels[1, 1], "effort", 100 * trajectory["tau"] / effort, "motor effort [% of its limit]"),
+    ]
+    for axes, title, shares, label in curves:
+        for k in range(shares.shape[1]):
+            axes.plot(time, shares[:, k], label=f"joint {k + 1}", **curve(k))
+        for bound in (-100.0, 100.0):
+            axes.axhline(bound, label="limit" if bound > 0 else None, **LIMIT)
+        axes.set(title=title, xlabel="time [s]", ylabel=label)
+    key_under(panels[1, 1])
+    if distances is not None:
+        for k, (name, values) in enumerate(distances.items()):
+            panels[0, 2].plot(time, 1e3 * values, label=name, **curve(k))
+        if required is not None:
+            panels[0, 2].axhline(1e3 * required, label="required", **LIMIT)
+        panels[0, 2].set(title="smallest distances", xlabel="time [s]", ylabel="distance [mm]")
+        key_under(panels[0, 2], columns=2)
+        angles = np.degrees(trajectory["q"])
+        for k in range(angles.shape[1]):
+            panels[1, 2].plot(time, angles[:, k], label=f"joint {k + 1}", **curve(k))
+        panels[1, 2].set(title="joints", xlabel="time [s]", ylabel="angle [deg]")
+        key_under(panels[1, 2])
+    for t in passed[1:-1]:
+        for axes in panels[:, 1:].ravel():
+            axes.axvline(t, color="0.6", linewidth=0.8, linestyle=":")
+    head(figure, trajectory)
+    return figure
+
+
+@styled
 def swing_figure(
     swings: Mapping[str, tuple[np.ndarray, np.ndarray]],
     ratios: np.ndarray,
@@ -205,6 +278,16 @@ def swing_figure(
     )
     key_below(figure)
     return figure
+
+
+TURN = np.linspace(0.0, 2 * np.pi, 24)
+ROUND = np.stack([np.cos(TURN), np.sin(TURN)], axis=1)
+
+
+def _outline(points: np.ndarray) -> np.ndarray:
+    """Return the closed outline (k, 2) of the convex hull of points (n, 2)."""
+    around = scipy.spatial.ConvexHull(points, qhull_options="QJ").vertices
+    return points[[*around, around[0]]]
 
 
 MOST_PANELS, MOST_CURVES, MOST_NAMED = 5, 8, 6

@@ -167,7 +167,7 @@ def tracking_figure(wanted: Trajectory, runs: Mapping[str, Trajectory], title: s
     """Draw the tool centre point of each run with the reference, and below the errors of tool centre point and carts.
 
     Args:
-        wanted: the reference, T (n, 3) [m] and q (n, k) [m], a row per cycle.
+        wanted: the reference, T (n, 3) [m] and q (n, k) [m, rad], a row per cycle.
         runs: by label, T and q of the cycles of each run.
     """
     figure, panels = with_panels(8.5, 9.0, 5, title=title, sharex=True)
@@ -183,7 +183,8 @@ def tracking_figure(wanted: Trajectory, runs: Mapping[str, Trajectory], title: s
             axes.plot(run.time, np.maximum(size, SMALLEST_MM), label=label, **curve(n))
         axes.set_yscale("log")
         axes.set_ylim(bottom=SMALLEST_MM / 2)
-        axes.set_ylabel("TCP error [mm]" if name == "T" else "worst cart [mm]")
+        worst = "worst cart [mm]" if wanted.unit("q") == "m" else "worst joint [mrad]"
+        axes.set_ylabel("TCP error [mm]" if name == "T" else worst)
     panels[0].set_xlim(wanted.time[0], wanted.time[-1])
     figure.align_ylabels(panels)
     panels[3].set_title(f"errors; values below {1e3 * SMALLEST_MM:g} µm are drawn as {1e3 * SMALLEST_MM:g} µm")

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 _KINDS = {
     "trajectory": "time- or energy-optimal motion of a robot between two poses",
     "axis_trajectory": "optimal motion of the F1 between two positions of its carts and rotary axes",
+    "arm_trajectory": "optimal motion of a serial arm through waypoints, with distances of its links kept",
     "trajectory_table": "several optimal motions of a robot, compared with published numbers",
     "codegen": "C code of a robot's functions",
     "optimization": "a dynamic optimisation problem written in Python",

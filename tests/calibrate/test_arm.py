@@ -31,6 +31,24 @@ def test_the_data_are_those_of_the_stated_seed() -> None:
     np.testing.assert_allclose(shipped, made, atol=2e-4)  # one digit of the last place
 
 
+def test_an_arm_from_a_urdf_is_calibrated_and_its_data_are_those_of_the_stated_seed() -> None:
+    """Three parallel axes: d of two of them is not determined, and Hayati's angles are free instead."""
+    nominal = arm_poses.ur_like()
+    shipped = np.loadtxt(arm_poses.PROBLEMS / "data" / "ur_like_poses_synthetic.csv", delimiter=",", skiprows=2)
+    q, T = arm_poses.poses(nominal, arm_poses.UR_SEED, arm_poses.UR_RANGES)
+    np.testing.assert_allclose(shipped, np.hstack([np.degrees(q), 1e3 * T]), atol=2e-4)
+    found = answer(
+        load(arm_poses.PROBLEMS / "calibrate_ur_like.toml", ["sensitivity_step=0"]), Context(folder=arm_poses.PROBLEMS)
+    )
+    assert found.status.ok and all(c.passed for c in found.checks.values()), found.message
+    free, true = arm_poses.free(nominal), arm_poses.true_arm(nominal, arm_poses.UR_SEED)
+    assert {"beta[1]", "beta[2]"} <= set(free) and "8 parameters cannot be seen" in "; ".join(found.notes)
+    e = found.estimate
+    assert sorted(n for n in e.names if not n.startswith("T.device")) == sorted(free)
+    off = [(e.value(n) - np.asarray(getattr(true, n[:-3]))[int(n[-2])]) / e.std[e.names.index(n)] for n in free]
+    assert np.max(np.abs(off)) < 4.0
+
+
 def test_the_problem_frees_what_can_be_determined(study) -> None:
     """And names the others in one note."""
     model = [n for n in study.estimate.names if not n.startswith("T.device")]

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+import gtmodel as gt
 from gtmodel.problem_files import Context, InputError
 from gtmodel.problem_files.load import load
-from gtmodel.problem_files.run import answer, explain
+from gtmodel.problem_files.run import answer, context_of, explain
 from gtmodel.results import SolveStatus
 
 COARSE = "section.step_m=0.2"
 
 
 def solved(name: str, *changes: str):
-    return answer(load(f"problems/compliance_{name}.toml", [COARSE, *changes]), Context())
+    loaded = load(f"problems/compliance_{name}.toml", [COARSE, *changes])
+    return answer(loaded, context_of(loaded))
 
 
 @pytest.mark.parametrize("name", ["l1", "kr500"])
@@ -69,3 +72,16 @@ def test_a_stiffness_about_an_axis_is_refused_in_its_own_unit(problem, setting, 
     with pytest.raises(InputError) as caught:
         load(f"problems/{problem}.toml", [setting])
     assert f" {unit};" in caught.value.message
+
+
+def test_an_arm_from_a_urdf_deflects_as_its_kinematics_by_differences() -> None:
+    """The Jacobian comes from differences of forward kinematics here, from the joints' axes there."""
+    s = solved("ur_like")
+    assert s.status is SolveStatus.SOLVED, s.message
+    arm = gt.robots.from_urdf("problems/models/ur_like.urdf", tool_xyz=[0.0, 0.0, 0.21])  # 0.09 to the flange
+    q, h = np.radians([0.0, 80.0, -90.0, -80.0, -90.0, 0.0]), 1e-5
+    rows = arm.causal(known="q", targets="T")(np.vstack([q, q + h * np.eye(6), q - h * np.eye(6)]))[0]
+    J = (rows[1:7] - rows[7:]).T / (2 * h)
+    c = 1 / np.array([2.0e4, 2.0e4, 2.0e4, 6.0e3, 6.0e3, 6.0e3])
+    np.testing.assert_allclose(s.pose, rows[0], atol=1e-12)
+    np.testing.assert_allclose(s.deflection, (J * c) @ J.T @ [0.0, 0.0, -50.0], rtol=0, atol=1e-9)  # h^2 of it

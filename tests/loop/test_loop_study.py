@@ -149,7 +149,8 @@ def test_the_quantities_are_named_with_their_units() -> None:
     names = [q.name(attribute) for attribute, q in LoopStudy.quantities().items()]
     assert names == [
         "peer", "law", "plant", "plant_stopped_s", "elastic_Hz", "cycles", "real_time", "hold_cycles",
-        "deceleration_m_s2", "greatest_speed_m_s", "stopping_distance_m", "runs",
+        "deceleration_m_s2", "greatest_speed_m_s", "stopping_distance_m", "joint_deceleration_rad_s2",
+            "greatest_joint_speed_rad_s", "stopping_angle_rad", "runs",
     ]  # fmt: skip
 
 

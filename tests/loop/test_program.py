@@ -161,9 +161,11 @@ def test_real_time_run_counts_every_deadline(bench: Bench) -> None:
 def test_adapter_leaves_out_what_the_folder_lacks(generated: Path) -> None:
     content = manifest_of(generated)
     whole = adapter(content, 3)
-    assert "gt_loop_model = {3U, gt_loop_model_forward, gt_loop_model_inverse_dynamics, gt_loop_model_carts};" in whole
+    assert (
+        "gt_loop_model = {3U, gt_loop_model_forward, gt_loop_model_inverse_dynamics, gt_loop_model_carts, 0};" in whole
+    )
     content["functions"] = [f for f in content["functions"] if f["name"] == "fk"]
-    assert "gt_loop_model = {3U, gt_loop_model_forward, NULL, NULL};" in adapter(content, 3)
+    assert "gt_loop_model = {3U, gt_loop_model_forward, NULL, NULL, 0};" in adapter(content, 3)
 
 
 def test_build_refuses_a_changed_folder(generated: Path, tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
-"""Synthetic measurements of problems/data/arm_synthetic.csv: a six-axis arm with known errors, seen by a tracker.
+"""Synthetic measurements of problems/data/arm_synthetic.csv and ur_like_poses_synthetic.csv: six-axis arms with known
+errors, seen by a tracker.
 
-Run as a module it writes the file.
+Run as a module it writes the files.
 """
 
 from __future__ import annotations
@@ -32,38 +33,52 @@ def nominal() -> gt.robots.SerialArm:
     return arm
 
 
-def free() -> list[str]:
+UR_SEED = 44
+UR_TOOL = [0.08, 0.02, 0.14]  # m, of the reflector in the frame of the last link
+RANGES = [[-100, 100], [-50, 60], [-60, 45], [-150, 150], [-100, 100], [-170, 170]]  # degrees
+UR_RANGES = [[-100, 100], [10, 100], [-120, -20], [-150, 30], [-150, -30], [-170, 170]]
+
+
+def ur_like() -> gt.robots.SerialArm:
+    """The arm of problems/models/ur_like.urdf by its Denavit-Hartenberg numbers, with a reflector beside the flange."""
+    arm = gt.robots.from_urdf(PROBLEMS / "models" / "ur_like.urdf", tool_xyz=UR_TOOL)
+    return gt.robots.as_dh(arm)
+
+
+def free(arm: gt.robots.SerialArm | None = None) -> list[str]:
     """What a calibration by positions alone determines."""
-    return gt.robots.independent_geometry(nominal())[0]
+    return gt.robots.independent_geometry(arm or nominal())[0]
 
 
-def true_arm() -> gt.robots.SerialArm:
+def true_arm(arm: gt.robots.SerialArm | None = None, seed: int = SEED) -> gt.robots.SerialArm:
     """The arm that is measured: each independent number off by a normal error."""
-    arm, rng = nominal(), np.random.default_rng([SEED, 1])
+    arm, rng = arm or nominal(), np.random.default_rng([seed, 1])
     values = {name: np.array(getattr(arm, name), float) for name in ("theta", "d", "a", "alpha", "beta", "tool_xyz")}
-    for entry in free():
+    for entry in free(arm):
         name, index = entry[:-1].split("[")
         size = LENGTHS if name in ("d", "a") else ANGLES
         values[name][int(index)] += REFLECTOR[int(index)] if name == "tool_xyz" else size * rng.standard_normal()
     return arm.with_(**values)
 
 
-def poses() -> tuple[np.ndarray, np.ndarray]:
+def poses(
+    arm: gt.robots.SerialArm | None = None, seed: int = SEED, ranges: list[list[int]] = RANGES
+) -> tuple[np.ndarray, np.ndarray]:
     """Angles (n, 6) [rad] and measured positions (n, 3) [m] in the tracker's frame."""
-    rng = np.random.default_rng([SEED, 2])
-    low, high = np.radians([[-100, 100], [-50, 60], [-60, 45], [-150, 150], [-100, 100], [-170, 170]]).T
+    rng = np.random.default_rng([seed, 2])
+    low, high = np.radians(ranges).T
     q = np.round(rng.uniform(low, high, (POSES, 6)), 6)
-    T, status = true_arm().causal(known="q", targets="T")(q)
+    T, status = true_arm(arm, seed).causal(known="q", targets="T")(q)
     assert not np.any(status)
     R = scipy.spatial.transform.Rotation.from_euler("xyz", DEVICE_RPY)
     return q, R.inv().apply(T - DEVICE_T) + NOISE * rng.standard_normal(T.shape)
 
 
-def text() -> str:
+def text(arm: gt.robots.SerialArm | None = None, seed: int = SEED, ranges: list[list[int]] = RANGES) -> str:
     """The file: a comment, a header, angles in degrees and positions in mm."""
-    q, T = poses()
+    q, T = poses(arm, seed, ranges)
     lines = [
-        f"# synthetic: seed {SEED}, noise {1e6 * NOISE:g} um of each coordinate; tests/support/arm_poses.py writes it",
+        f"# synthetic: seed {seed}, noise {1e6 * NOISE:g} um of each coordinate; tests/support/arm_poses.py writes it",
         ",".join([*(f"q[{k}]" for k in range(6)), *(f"T[{k}]" for k in range(3))]),
     ]
     lines += [
@@ -75,3 +90,4 @@ def text() -> str:
 
 if __name__ == "__main__":
     (PROBLEMS / "data" / "arm_synthetic.csv").write_text(text())
+    (PROBLEMS / "data" / "ur_like_poses_synthetic.csv").write_text(text(ur_like(), UR_SEED, UR_RANGES))

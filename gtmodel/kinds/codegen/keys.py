@@ -234,6 +234,12 @@ class Schema(RobotProblem):
         default=None, description="for gtmodel loop: a unit (FMI) instead of the simulated robot"
     )
 
+    def robot_from(self, context: Context, out: Path) -> str:
+        """Return the robot as the manifest of a generated folder names it: the path of its file from there."""
+        name, colon, part = self.robot.partition(":")
+        file = next((p for p in (context.folder / name, Path(name)) if p.is_file()), None)
+        return self.robot if file is None else os.path.relpath(file, out) + colon + part
+
     def plant_unit(self, folder: Path, plant: Path | None, timeout: float | None = None) -> PlantUnit | None:
         """Return the plant of `gtmodel loop`: the unit that --plant or the table [plant] names.
 

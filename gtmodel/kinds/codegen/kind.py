@@ -55,6 +55,7 @@ def write(
         if folder.message:
             context.notice(folder.message)
         call_ = call(problem, context)
+        call_.options["problem"]["robot"] = problem.robot_from(context, folder.path)
         if problem.plant is not None:
             call_.options["problem"]["plant"] |= problem.plant.of_folder(context, folder.path)
         if not write_failed and not context.interrupted():

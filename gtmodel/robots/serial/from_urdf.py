@@ -13,7 +13,7 @@ from ..._near import meant
 from ...geometry.rotations import rotation_about, rotation_of_rpy, rpy_of_rotation
 from ...lang import ModelError
 from .arm import FRICTION, SerialArm, arm_class
-from .structure import ArmJoint, ArmStructure, moved, started, with_payload
+from .structure import ArmJoint, ArmStructure, LinkShape, moved, started, with_payload
 from .urdf_file import MOVING, Urdf, UrdfJoint, read_urdf
 
 Array = np.ndarray
@@ -156,8 +156,9 @@ class _Chain:
                 pose, direct = _composed(pose, _pose(j, self.locked_at(j))), False
         xyz, rpy = (np.array(column) for column in zip(*placements, strict=True))
         structure = ArmStructure(
-            urdf.name, tuple(self.joints()), "rpy", urdf.root, self.tip, smoothing, tuple(dict.fromkeys(self.notes))
-        )
+            urdf.name, tuple(self.joints()), "rpy", urdf.root, self.tip, smoothing, tuple(dict.fromkeys(self.notes)),
+            shapes=tuple(self.shapes()),
+        )  # fmt: skip
         parameters = {
             "xyz": xyz, "rpy": rpy, "axis": np.array([j.axis for j in self.moving]), **values,
             "viscous": np.array([j.damping for j in self.moving]),
@@ -207,6 +208,21 @@ class _Chain:
         leading = self.urdf.joints[name]
         nearest = 0.0 if leading.kind == "fixed" else float(np.clip(0.0, leading.lower, leading.upper))
         return multiplier * nearest + offset
+
+    def shapes(self) -> Iterator[LinkShape]:
+        """Yield the capsules of all links, in the frame of the base or of the moving link to which each is fixed."""
+        bodies = {j.name: k + 1 for k, j in enumerate(self.moving)}
+        waiting: list[tuple[str, int, Pose]] = [(self.urdf.root, 0, IDENTITY)]
+        while waiting:
+            name, body, (R, r) = waiting.pop(0)
+            for begin, end, radius in self.urdf.links[name].capsules:
+                a, b = ((R @ p + r).tolist() for p in (begin, end))
+                yield LinkShape(name, body, (a[0], a[1], a[2]), (b[0], b[1], b[2]), radius)
+            for j in self.urdf.joints_on(name):
+                if j.name in bodies:
+                    waiting.append((j.child, bodies[j.name], IDENTITY))
+                else:
+                    waiting.append((j.child, body, _composed((R, r), _pose(j, self.locked_at(j)))))
 
     def values(self) -> dict[str, Array]:
         """Return mass, first moments and inertia of each moving link with the links fixed to it."""

@@ -35,12 +35,27 @@ class ArmJoint:
 
 
 @dataclass(frozen=True)
+class LinkShape:
+    """A capsule of a link: the points within `radius` [m] of the segment from begin to end (3,) [m].
+
+    body: 0 for the base, k + 1 for the body that joint k moves; the points are in the frame of the base, or of that
+    body. link: name of the link in the file.
+    """
+
+    link: str
+    body: int
+    begin: tuple[float, float, float]
+    end: tuple[float, float, float]
+    radius: float
+
+
+@dataclass(frozen=True)
 class ArmStructure:
     """The joints of an arm from the base to the tool, and the form of their placements.
 
     style: xyz and rpy ("rpy"), or standard or modified Denavit-Hartenberg parameters. smoothing: of friction. notes:
     sentences about elements of the source file that were not used. starts: joint coordinates at which inverse
-    kinematics starts, the home pose first; empty for zero, or the nearest limit.
+    kinematics starts, the home pose first; empty for zero, or the nearest limit. shapes: capsules around the links.
     """
 
     name: str
@@ -51,6 +66,7 @@ class ArmStructure:
     smoothing: str = "tanh"
     notes: tuple[str, ...] = ()
     starts: tuple[tuple[float, ...], ...] = ()
+    shapes: tuple[LinkShape, ...] = ()
 
     @property
     def leaders(self) -> list[int]:

@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 
 from ..._near import meant
+from ...geometry.distances import bounding_capsule
 from ...geometry.rotations import rotation_of_rpy, rpy_of_rotation
 from ...lang import ModelError
 from ...results.disk import path_of
@@ -82,21 +83,26 @@ ATTRIBUTES: dict[str, tuple[str, str]] = {
 UNIT_NORM = 1e-3  # tolerance of a quaternion's norm, for rounded digits
 # elements that no equation needs, with their names in the notes
 LEFT_OUT = {
-    "visual": "visual shapes", "collision": "collision shapes", "transmission": "transmissions",
+    "visual": "visual shapes", "collision": "collision meshes", "transmission": "transmissions",
     "gazebo": "Gazebo elements", "safety_controller": "safety controllers", "calibration": "calibration marks",
     "material": "materials", "ros2_control": "ros2_control elements", "sensor": "sensors",
 }  # fmt: skip
 
 
+Segment = tuple[Array, Array, float]  # both ends (3,) [m] in the link's frame, and radius [m], of a capsule
+
+
 @dataclass(frozen=True)
 class UrdfLink:
-    """A link with mass [kg], first moments (3) [kg m] and inertia (6) [kg m2] in its frame, and its line."""
+    """A link with mass [kg], first moments (3) [kg m] and inertia (6) [kg m2] in its frame, its line, and capsules
+    around its collision shapes."""
 
     name: str
     line: int
     m: float
     mc: Array
     J: Array
+    capsules: tuple[Segment, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -122,6 +128,15 @@ class UrdfJoint:
     multiplier: float = 1.0
     offset: float = 0.0
     rotor: float = 0.0
+
+
+# half length, axis and radius of a capsule around each collision shape; a cylinder's capsule is longer by its radius
+SHAPES: dict[str, Callable[[XmlElement], tuple[float, int, float]]] = {
+    "sphere": lambda e: (0.0, 2, number(e, "radius")),
+    "cylinder": lambda e: (number(e, "length") / 2, 2, number(e, "radius")),
+    "capsule": lambda e: (number(e, "length") / 2, 2, number(e, "radius")),
+    "box": lambda e: bounding_capsule(vector(e, "size", [0.0, 0.0, 0.0])),
+}
 
 
 @dataclass(frozen=True)
@@ -256,9 +271,9 @@ class _Reader:
 
     def link(self, e: XmlElement) -> UrdfLink:
         name = attribute(e, "name")
-        inertial = e.one("inertial")
+        inertial, capsules = e.one("inertial"), self.capsules(e)
         if inertial is None:
-            return UrdfLink(name, e.line, 0.0, np.zeros(3), np.zeros(6))
+            return UrdfLink(name, e.line, 0.0, np.zeros(3), np.zeros(6), capsules)
         mass, inertia = inertial.one("mass"), inertial.one("inertia")
         if mass is None or inertia is None:
             missing = "mass" if mass is None else "inertia"
@@ -273,7 +288,20 @@ class _Reader:
                               f"principal moments are {', '.join(f'{p:.3g}' for p in principal)} kg m2")  # fmt: skip
         xyz, rpy = _origin(inertial)
         mc, J = moved(rotation_of_rpy(rpy), xyz, m, np.zeros(3), six_of(I))
-        return UrdfLink(name, e.line, m, mc, J)
+        return UrdfLink(name, e.line, m, mc, J, capsules)
+
+    def capsules(self, link: XmlElement) -> tuple[Segment, ...]:
+        """Return capsules around the collision shapes of a link, without those of meshes."""
+        segments: list[Segment] = []
+        for collision in link.all("collision"):
+            shape = _shape(collision)
+            if shape is None:
+                continue
+            xyz, rpy = _origin(collision)
+            half, axis, radius = SHAPES[shape.tag](shape)
+            along = half * rotation_of_rpy(rpy)[:, axis]
+            segments.append((xyz - along, xyz + along, radius))
+        return tuple(segments)
 
     def joint(self, e: XmlElement) -> UrdfJoint:
         name, kind = attribute(e, "name"), attribute(e, "type")
@@ -351,7 +379,7 @@ class _Reader:
         def walk(e: XmlElement) -> None:
             for inner in e.inside:
                 if inner.tag in LEFT_OUT:
-                    counts[inner.tag] += 1
+                    counts[inner.tag] += inner.tag != "collision" or _shape(inner) is None
                 elif inner.tag not in ATTRIBUTES:
                     others.setdefault(inner.tag, inner.line)
                 else:
@@ -371,6 +399,12 @@ class _Reader:
             if j.kind == "revolute" and np.any(np.abs([j.lower, j.upper])[np.isfinite([j.lower, j.upper])] > DEGREES):
                 self.notes.append(f"line {j.line}: the limits of joint '{j.name}' are {j.lower:g} and {j.upper:g} rad; "
                                   "URDF is in radians, these look like degrees")  # fmt: skip
+
+
+def _shape(collision: XmlElement) -> XmlElement | None:
+    """Return the shape of a collision if a capsule can be put around it, None for a mesh."""
+    geometry = collision.one("geometry")
+    return next((e for e in geometry.inside if e.tag in SHAPES), None) if geometry is not None else None
 
 
 def _origin(e: XmlElement) -> tuple[Array, Array]:
