@@ -6,13 +6,13 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
 from ..results.work import parents_signals
-from .task import Packed, dumps, packed, run
+from .task import Packed, Replies, dumps, packed, run
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 _inside = False  # in a worker
@@ -49,9 +49,13 @@ class Processes:
         self._pool = ProcessPoolExecutor(self.size, context, _begin, (self._task,))
         self._probe = self._submitted(_ready)
 
-    def submit(self, item: Any) -> Future[Any]:
-        """Submit one item. Raises BrokenExecutor if a worker has died."""
-        return self._submitted(_run, dumps(item))
+    def packed(self, item: Any) -> bytes:
+        """Return an item as it is submitted."""
+        return dumps(item)
+
+    def submit(self, items: Sequence[bytes]) -> Future[Replies]:
+        """Submit the packed items of a batch. Raises BrokenExecutor if a worker has died."""
+        return self._submitted(_run, items)
 
     def _submitted(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         if len(self._pool._processes or ()) >= self.size:
@@ -59,9 +63,9 @@ class Processes:
         with _one_thread(), parents_signals():  # submitting starts workers
             return self._pool.submit(function, *arguments)
 
-    def lost(self, error: BaseException) -> bool:
-        """Return True if the error says that a worker died."""
-        return isinstance(error, BrokenExecutor)
+    def deaths(self, error: BaseException) -> int:
+        """Return 1 if the error says that a worker died, else 0."""
+        return int(isinstance(error, BrokenExecutor))
 
     def replace(self) -> None:
         """Replace all workers: after a death the others of the pool have been ended too.
@@ -97,9 +101,9 @@ def _ready() -> None:
     """Do nothing: the first task of a pool shows that its workers can start."""
 
 
-def _run(item: bytes) -> bytes:
+def _run(items: Sequence[bytes]) -> Replies:
     assert _task is not None
-    return run(_task, item)
+    return run(_task, items)
 
 
 def _follow_the_parent() -> None:
