@@ -13,6 +13,7 @@ import scipy
 
 from ..results.estimate import Estimate, half_width
 from ..results.refusal import ArgumentError
+from ..results.work import CREW, Crew
 from ..workers.each import each
 
 BAND = 0.999  # two-sided: one correct interval in a thousand falls outside
@@ -133,12 +134,11 @@ def monte_carlo(
 ) -> MonteCarlo:
     """Call task(rng, k) for k = 0..runs-1, each with its own generator spawned from `seed`.
 
-    The results do not depend on the number of `processes`: by default one per core; 0 runs all in this process (with
-    its BLAS threads), for debugging. For other processes the task must be importable: a function of a module, or
-    functools.partial of one. `executor` runs the tasks elsewhere: an object with submit() as in
-    concurrent.futures.Executor, or a Dask client, whose get_executor() is called. `progress(done, runs)` is called
-    after each run. Ctrl-C, or `interrupted()` returning True, ends the workers and returns the finished runs; workers
-    ignore Ctrl-C and SIGTERM, and end with this process.
+    The results do not depend on the number of `processes`: by default those of the running study or of
+    `gt.workers.using`, else one per core; 0 runs all in this process (with its BLAS threads), for debugging. `executor`
+    runs the tasks elsewhere, see `gt.workers.each`. `progress(done, runs)` is called after each run. Ctrl-C, or
+    `interrupted()` returning True, ends the workers and returns the finished runs; workers ignore Ctrl-C and SIGTERM,
+    and end with this process.
 
     Raises ArgumentError for fewer than one run, RuntimeError with the number of the run in which the task failed.
 
@@ -150,7 +150,11 @@ def monte_carlo(
     """
     if runs < 1:
         raise ArgumentError(f"expected at least one run; found {runs}")
-    count = processes if processes is None or processes == 0 else min(runs, processes)
+    crew = Crew(processes, executor)
+    if processes is None and executor is None:
+        crew = CREW.get() or crew
+    crew.used = True
+    count = min(runs, crew.workers) if crew.workers else crew.workers
     results: dict[int, Any] = {}
     stopped = False
 
@@ -160,7 +164,7 @@ def monte_carlo(
         return stopped
 
     seeded = partial(_run, task, seed)
-    rows = each(seeded, range(runs), workers=count, executor=executor, stop=stop, ordered=False)
+    rows = each(seeded, range(runs), workers=count, executor=crew.executor, stop=stop, ordered=False)
     try:
         with closing(rows):
             for done in rows:

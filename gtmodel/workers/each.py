@@ -13,7 +13,7 @@ from typing import Any
 from ..results.refusal import ArgumentError
 from ..results.work import never
 from .cluster import Elsewhere
-from .processes import Processes, usable_cores
+from .processes import Pool, Processes, usable_cores
 from .task import DEATHS, Replies
 
 LOOK = 0.2  # s between calls of `stop`
@@ -70,8 +70,8 @@ def each(
     count = usable_cores() if workers is None else workers
     if executor is None and count == 0:
         return _here(task, items, stop)
-    crew = Processes(task, count) if executor is None else Elsewhere(task, executor)
-    return _handed_out(crew, items, stop, ordered)
+    crew = Processes(task, Pool(count)) if executor is None else Elsewhere(task, executor)
+    return handed_out(crew, items, stop, ordered)
 
 
 def _here(task: Callable[[Any], Any], items: Iterable[Any], stop: Callable[[], bool]) -> Generator[Done, None, None]:
@@ -175,9 +175,10 @@ class _Handout:
         return finished
 
 
-def _handed_out(
+def handed_out(
     crew: Processes | Elsewhere, items: Iterable[Any], stop: Callable[[], bool], ordered: bool
 ) -> Generator[Done, None, None]:
+    """Yield the results of a crew; `close` it at the end, at once unless all rows are done."""
     handout = _Handout(crew, iter(enumerate(items)))
     early: dict[int, Done] = {}
     following = 0  # the next index in order

@@ -8,6 +8,7 @@ import time
 import traceback
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from .._pickling import dumps
@@ -19,9 +20,10 @@ KEPT = 4  # tasks that a worker keeps unpacked, with everything that they have c
 
 
 class Packed(NamedTuple):
-    """A task as bytes, with the hash under which a worker keeps it and the version of gtmodel that packed it."""
+    """A task as bytes or the path of a file that contains them, with the hash under which a worker keeps it and the
+    version of gtmodel that packed it."""
 
-    content: bytes
+    content: bytes | str
     key: str
     version: str
 
@@ -93,7 +95,8 @@ def unpacked(task: Packed) -> Callable[[Any], Any]:
             f"this worker has gtmodel {__version__}, but the task comes from {task.version}; install one version on all"
         )
     if task.key not in _UNPACKED:
-        _UNPACKED[task.key] = pickle.loads(task.content)
+        content = task.content if isinstance(task.content, bytes) else Path(task.content).read_bytes()
+        _UNPACKED[task.key] = pickle.loads(content)
         while len(_UNPACKED) > KEPT:
             _UNPACKED.popitem(last=False)
     return _UNPACKED[task.key]
