@@ -166,8 +166,8 @@ def multi_start(
     floor = floor if np.isfinite(floor) else 0.0
     distinct: list[tuple[Solution, int]] = []
     failures: list[Solution] = []
-    for found in mapped(partial(_from_start, nlp, first, spread, seed, options), range(count)):
-        s = replace(found, nlp=nlp)
+    for solution in mapped(partial(_from_start, nlp, first, spread, seed, options), range(count)):
+        s = replace(solution, nlp=nlp)
         if not s.status.converged:
             failures.append(s)
             continue

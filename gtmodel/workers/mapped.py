@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing, contextmanager
+from itertools import chain, islice
 from typing import Any, TypeVar
 
 from ..results.work import CREW, Crew, never
@@ -22,8 +23,8 @@ def using(workers: int | None = None, executor: Any = None) -> Iterator[Crew]:
     object with submit(), or a Dask client. A study called with `workers=` or `executor=` runs its own rows there.
 
     >>> with gt.workers.using(workers=0):
-    ...     found = list(gt.workers.mapped(abs, [-3, 4]))
-    >>> found
+    ...     sizes = list(gt.workers.mapped(abs, [-3, 4]))
+    >>> sizes
     [3, 4]
     """
     crew = Crew(workers, executor)
@@ -58,12 +59,17 @@ def mapped(
     if crew is None or (size == 0 and crew.executor is None):
         yield from map(here or task, items)
         return
+    rows = iter(items)
+    first = list(islice(rows, 2))
+    if len(first) < 2:  # nothing to share
+        yield from map(here or task, first)
+        return
     crew.used = True
     if crew.executor is None and (crew.pool is None or not crew.pool.open):
         crew.pool = Pool(size)  # for all maps of the study: to start a process takes a second
     runs = Elsewhere(task, crew.executor) if crew.executor is not None else Processes(task, crew.pool, kept=True)
-    with closing(handed_out(runs, items, waiting, ordered=True)) as rows:
-        for done in rows:
+    with closing(handed_out(runs, chain(first, rows), waiting, ordered=True)) as finished:
+        for done in finished:
             if done.error is not None:
                 raise done.error
             yield done.value

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -11,24 +15,34 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.kinematics.accuracy import ErrorSection, LinkErrors, MonteCarloDraws
+from gtmodel.kinematics.accuracy import ErrorCase, map_errors
 from gtmodel.kinematics.assembly_modes import draw
-from gtmodel.kinematics.workspace import CrossSection, Sections, WorkspaceLimits
+from gtmodel.kinematics.workspace import Bodies, CrossSection, Sections, WorkspaceLimits, limited_mechanism
 from gtmodel.problem_files import run
 from gtmodel.problem_files.load import load
-from gtmodel.results.work import Crew
-from gtmodel.workers import mapped, using
+from gtmodel.results.work import CREW, Crew
+from gtmodel.workers import using
+from tests.support.commands import environment
 from tests.workers.studies import Cart, Sine, Wells
 
+PROBLEMS = Path(__file__).resolve().parents[2] / "problems"
+needs_signals = pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL on Windows")
 ROBOT = gt.robots.gantry_tau("l1_tape")
+
+
+@contextmanager
+def in_crew(crew: Crew) -> Iterator[None]:
+    before = CREW.set(crew)
+    try:
+        yield
+    finally:
+        CREW.reset(before)
 
 
 @pytest.fixture(scope="module")
 def crew() -> Iterator[Crew]:
     """Two processes for all tests, as one study would keep them."""
-    with using(workers=2) as crew:
-        pass
-    crew.pool = None
+    crew = Crew(workers=2)
     yield crew
     crew.close()
 
@@ -42,11 +56,11 @@ def workspace() -> Any:
 
 
 def accuracy() -> Any:
-    cases = [LinkErrors("carts", along=[11e-6, 58e-6, 19e-6], across=[28e-6, 38e-6, 47e-6])]
-    draws = MonteCarloDraws(samples=100)
-    return gt.kinematics.accuracy_study(
-        gt.robots.gantry_tau("d1_nominal"), cases, section=ErrorSection(step=0.3), monte_carlo=draws
-    ).cases
+    robot = limited_mechanism(ROBOT, None, Bodies())
+    case = ErrorCase(lengths=robot.lengths, radius=np.full(3, 1e-4))
+    T = np.random.default_rng(2).uniform([0.5, -1.0, 0.2], [1.5, 0.3, 0.8], (40, 3))
+    errors = map_errors(case, lambda T: (robot.inverse(T).a, robot.inverse(T).status), T, chunk=20)
+    return errors.error, errors.faces, errors.status
 
 
 def modes() -> Any:
@@ -66,7 +80,9 @@ def calibrated() -> Any:
     poses = gt.calibrate.made_poses(ROBOT, grid).measurements
     c = gt.calibrate.calibrate(ROBOT, poses)
     left = gt.calibrate.leave_out(c, gt.calibrate.folds_of(len(poses), 3))
-    chosen = gt.calibrate.exchange(gt.calibrate.pose_information(gt.calibrate.prepare(ROBOT, poses)), 9, "D")
+    T = np.array([[x, y, z] for x in (0.0, 0.5, 1.0) for y in (-1.0, -0.5, 0.0) for z in (0.2, 0.5, 0.8)])
+    possible = gt.calibrate.Measurements({"q": ROBOT.causal("T", "q")(T)[0], "T": T}, noise={"T": 2e-5})
+    chosen = gt.calibrate.exchange(gt.calibrate.pose_information(gt.calibrate.prepare(ROBOT, possible)), 9, "D")
     return left.errors["T"], left.judged.ratio, chosen.indices, chosen.starts
 
 
@@ -126,10 +142,57 @@ def test_workers_change_nothing(study: Callable[[], Any], crew: Crew) -> None:
     with using(workers=0):
         here = study()
     crew.used = False
-    token = gt.results.work.CREW.set(crew)
-    try:
+    with in_crew(crew):
         there = study()
-    finally:
-        gt.results.work.CREW.reset(token)
     assert crew.used
     np.testing.assert_equal(there, here)
+
+
+@needs_signals
+def test_a_worker_killed_in_the_middle_of_a_study_changes_nothing(crew: Crew) -> None:
+    hands = draw(33, seed=3)  # in three parts
+    killed = []
+
+    def progress(*_: Any) -> None:
+        if crew.pool is not None and crew.pool.open and not killed:
+            killed.append(next(iter(crew.pool._pool._processes.values())))
+            killed[0].kill()
+
+    with in_crew(crew):
+        there = gt.kinematics.modes_study(hands, progress=progress)
+    assert killed and there.status.ok
+    assert there.files == gt.kinematics.modes_study(hands, workers=0).files
+
+
+def test_a_problem_gives_the_same_bytes_with_workers(crew: Crew, tmp_path: Path) -> None:
+    def bytes_of(name: str) -> dict[str, bytes]:
+        loaded = load(PROBLEMS / "random_modes.toml", ["draw.platforms=20"])
+        run.solve(loaded, run.context_of(loaded), out=tmp_path / name)
+        return {p.name: p.read_bytes() for p in (tmp_path / name).iterdir() if p.name != "run.toml"}
+
+    crew.used = False
+    with in_crew(crew):
+        there = bytes_of("there")
+    assert crew.used and there == bytes_of("here")
+
+
+def test_a_study_starts_its_own_workers() -> None:
+    T = np.tile([1.4, -0.9, 0.3], (2001, 1))  # in two parts
+    s = gt.kinematics.causality_study(ROBOT, "T", "q", T, workers=1)
+    assert s.words == ["ok"] * len(T)
+    with pytest.raises(gt.results.ArgumentError) as caught:
+        gt.kinematics.causality_study(ROBOT, "T", "q", T, workers=-1)
+    assert caught.value.argument == "workers"
+
+
+def test_rows_of_a_study_may_run_in_threads() -> None:
+    with ThreadPoolExecutor(2) as executor:
+        s = gt.kinematics.causality_study(ROBOT, "T", "q", np.tile([1.4, -0.9, 0.3], (2001, 1)), executor=executor)
+    assert s.words == ["ok"] * 2001
+
+
+def test_the_command_solves_with_workers(tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "gtmodel", "solve", str(PROBLEMS / "van_der_pol.toml"), "--json", "--quiet"]
+    done = subprocess.run([*words, "--workers", "2"], env=environment(), capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0 and json.loads(done.stdout)["status"] == "solved"
+    assert "no independent rows" in done.stderr

@@ -390,10 +390,10 @@ def simulate(plan: PlanState, stop: Stop) -> None:
 
     measuring, seeds = plan.measuring, np.random.SeedSequence(options.seed).spawn(options.runs)
     runs = mapped(simulated, seeds)
-    found: list[Array | None] = []
+    ended: list[Array | None] = []
     for k in range(options.runs):
         if stop("simulated calibration", k / options.runs):
             raise Stopped
-        found.append(next(runs))
-    errors = [error for error in found if error is not None]
-    plan.errors, plan.lost = np.array(errors).reshape(-1, len(u.names)), len(found) - len(errors)
+        ended.append(next(runs))
+    errors = [error for error in ended if error is not None]
+    plan.errors, plan.lost = np.array(errors).reshape(-1, len(u.names)), len(ended) - len(errors)

@@ -260,12 +260,12 @@ def _evaluate(
     targets = [np.full((rows, *s.shape), np.nan) for s in function.outputs]
     codes = np.full(rows, -1)
     parts = [slice(first, min(first + CHUNK, rows)) for first in range(0, rows, CHUNK)]
-    found = mapped(partial(_rows, function), ([a[part] for a in inputs] for part in parts))
+    rows_of_parts = mapped(partial(_rows, function), ([a[part] for a in inputs] for part in parts))
     for part in parts:
         if work.interrupted():
             break
         work.progress("points", part.start / rows, {"row": float(part.start)})
-        *outputs, status = next(found)
+        *outputs, status = next(rows_of_parts)
         for target, values in zip(targets, outputs, strict=True):
             target[part] = values
         broken = conditions.broken([a[part] for a in inputs]) & (status != Status.OK) & (status != Status.NOT_FINITE)
