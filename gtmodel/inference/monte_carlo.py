@@ -14,7 +14,7 @@ import scipy
 from ..results.estimate import Estimate, half_width
 from ..results.refusal import ArgumentError
 from ..results.work import CREW, Crew
-from ..workers.each import each
+from ..workers.mapped import shared
 
 BAND = 0.999  # two-sided: one correct interval in a thousand falls outside
 POOLED = (0.94, 0.96)
@@ -150,11 +150,9 @@ def monte_carlo(
     """
     if runs < 1:
         raise ArgumentError(f"expected at least one run; found {runs}")
-    crew = Crew(processes, executor)
-    if processes is None and executor is None:
-        crew = CREW.get() or crew
-    crew.used = True
-    count = min(runs, crew.workers) if crew.workers else crew.workers
+    given = processes is not None or executor is not None
+    own = Crew(min(runs, processes) if processes else processes, executor)
+    crew = own if given else CREW.get() or own
     results: dict[int, Any] = {}
     stopped = False
 
@@ -164,7 +162,7 @@ def monte_carlo(
         return stopped
 
     seeded = partial(_run, task, seed)
-    rows = each(seeded, range(runs), workers=count, executor=crew.executor, stop=stop, ordered=False)
+    rows = shared(crew, seeded, range(runs), stop, ordered=False)
     try:
         with closing(rows):
             for done in rows:
@@ -176,6 +174,8 @@ def monte_carlo(
                     progress(len(results), runs)
     except KeyboardInterrupt:
         stopped = True
+    finally:
+        own.close()
     indices = tuple(sorted(results))
     return MonteCarlo(tuple(results[k] for k in indices), indices, runs, seed, stopped and len(indices) < runs)
 

@@ -107,6 +107,7 @@ class _Handout:
     crew: Processes | Elsewhere
     rest: Iterator[tuple[int, Any]]
     rows: int = 1
+    ended: bool = False  # all items are read
     again: deque[_Batch] = field(default_factory=deque)  # not accepted by a broken pool
     suspects: deque[_Batch] = field(default_factory=deque)  # under way when a worker died: repeated one at a time
     waiting: dict[Future[Replies], _Batch] = field(default_factory=dict)
@@ -123,6 +124,7 @@ class _Handout:
 
     def _next(self) -> _Batch:
         rows = [(index, self.crew.packed(item)) for index, item in islice(self.rest, self.rows)]
+        self.ended = len(rows) < self.rows
         return _Batch([index for index, _ in rows], [item for _, item in rows])
 
     def _accepted(self, batch: _Batch, refused: deque[_Batch]) -> bool:
@@ -182,7 +184,6 @@ def handed_out(
     handout = _Handout(crew, iter(enumerate(items)))
     early: dict[int, Done] = {}
     following = 0  # the next index in order
-    whole = False
     try:
         while not stop():
             if len(early) < EARLY * crew.size * handout.rows or handout.again or handout.suspects:
@@ -192,7 +193,6 @@ def handed_out(
             elif handout.again or handout.suspects:
                 continue
             else:
-                whole = True
                 return
             if not ordered:
                 yield from finished
@@ -204,7 +204,7 @@ def handed_out(
     finally:
         for future in handout.waiting:
             future.cancel()
-        crew.close(now=not whole)
+        crew.close(now=not handout.ended or bool(handout.waiting or handout.again or handout.suspects))
 
 
 def _deaths(crew: Processes | Elsewhere, future: Future[Any]) -> int:

@@ -8,8 +8,7 @@ from itertools import chain, islice
 from typing import Any, TypeVar
 
 from ..results.work import CREW, Crew, never
-from .cluster import Elsewhere
-from .each import handed_out
+from .each import Done, each, handed_out
 from .processes import Pool, Processes, usable_cores
 
 Item, Value = TypeVar("Item"), TypeVar("Value")
@@ -64,12 +63,21 @@ def mapped(
     if len(first) < 2:  # nothing to share
         yield from map(here or task, first)
         return
-    crew.used = True
-    if crew.executor is None and (crew.pool is None or not crew.pool.open):
-        crew.pool = Pool(size)  # for all maps of the study: to start a process takes a second
-    runs = Elsewhere(task, crew.executor) if crew.executor is not None else Processes(task, crew.pool, kept=True)
-    with closing(handed_out(runs, chain(first, rows), waiting, ordered=True)) as finished:
+    with closing(shared(crew, task, chain(first, rows), waiting)) as finished:
         for done in finished:
             if done.error is not None:
                 raise done.error
             yield done.value
+
+
+def shared(
+    crew: Crew, task: Callable[[Any], Any], items: Iterable[Any], stop: Callable[[], bool], *, ordered: bool = True
+) -> Generator[Done, None, None]:
+    """Run rows with a crew as `each` does, in processes that are kept for the next map of the study."""
+    crew.used = True
+    size = usable_cores() if crew.workers is None else crew.workers
+    if crew.executor is not None or size == 0:
+        return each(task, items, workers=size, executor=crew.executor, stop=stop, ordered=ordered)
+    if crew.pool is None or not crew.pool.open:
+        crew.pool = Pool(size)  # to start a process takes a second
+    return handed_out(Processes(task, crew.pool, kept=True), items, stop, ordered)

@@ -1,7 +1,8 @@
 """Two workers against one on five maps, the start of workers and of a cluster, and a sweep of many cheap rows.
 
-`--quick` takes small work. Every pair of runs is interleaved, and the best of each counts; the ratios hold for two idle
-cores, so the load of the machine is printed beside them. Prints Markdown.
+`--quick` takes small work. Runs are interleaved, and the best of each counts. Wall times hold for two idle cores only,
+so the load of the machine is printed, and the ratio that processor times give: one core does what this process does and
+then what the busiest worker does. Prints Markdown.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ REPETITIONS = 2
 
 
 def modes() -> Callable[[], Any]:
-    hands = draw(64 if QUICK else 1600, seed=1)
+    hands = draw(128 if QUICK else 1600, seed=1)
     return lambda: gt.kinematics.modes_study(hands)
 
 
@@ -54,7 +55,7 @@ def motions() -> Callable[[], Any]:
         period=4.0, harmonics=5, place_low=[0.9, -0.9, 0.4], place_high=[1.1, -0.7, 0.6]
     )  # fmt: skip
     limits = gt.motion.Limits(force=700.0, tcp_low=[0.5, -1.1, 0.2], tcp_high=[1.5, -0.5, 0.8])
-    search = gt.identify.ExcitationSearch(starts=8, max_iterations=20 if QUICK else 200)
+    search = gt.identify.ExcitationSearch(starts=8, max_iterations=10 if QUICK else 200)
     random = gt.identify.RandomMotions(draws=8)
     return lambda: gt.identify.excitation_study(robot, family, limits, search=search, random=random)
 
@@ -90,26 +91,38 @@ MAPS = {
 }
 
 
-def wall(work: Callable[[], Any]) -> float:
-    begin = time.perf_counter()
-    work()
-    return time.perf_counter() - begin
+def run(work: Callable[[], Any], workers: int) -> tuple[float, float]:
+    """Wall time [s], and the time that idle cores need at most: processor time here, then in the busiest worker."""
+    wall, here = time.perf_counter(), time.process_time()
+    with using(workers=workers) as crew:
+        work()
+        assert crew.pool is not None, "no rows were shared"
+        busiest = max(processor_time(pid) for pid in crew.pool._pool._processes)
+    return time.perf_counter() - wall, time.process_time() - here + busiest
+
+
+def processor_time(pid: int) -> float:
+    with open(f"/proc/{pid}/stat") as file:
+        user, system = file.read().rpartition(")")[2].split()[11:13]
+    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
 
 def ratios() -> bool:
-    print("| map | one worker [s] | two [s] | ratio | at least | |\n|---|---:|---:|---:|---:|---|")
+    print("| map | one worker [s] | two [s] | ratio | ratio on idle cores | at least | |")
+    print("|---|---:|---:|---:|---:|---:|---|")
     passed = 0
     for name, made in MAPS.items():
         work = made()
-        seconds: dict[int, list[float]] = {1: [], 2: []}
-        for workers in REPETITIONS * [1, 2]:
-            with using(workers=workers):
-                seconds[workers].append(wall(work))
-        one, two = min(seconds[1]), min(seconds[2])
-        good = one / two >= RATIO
+        seen: dict[int, list[tuple[float, float]]] = {1: [], 2: []}
+        for workers in (1 if QUICK else REPETITIONS) * [1, 2]:
+            seen[workers].append(run(work, workers))
+        (one, idle_one), (two, idle_two) = (np.min(seen[n], axis=0) for n in (1, 2))
+        good = max(one / two, idle_one / idle_two) >= RATIO
         passed += good
         print(
-            f"| {name} | {one:.1f} | {two:.1f} | {one / two:.2f} | {RATIO} | {'pass' if good else 'FAIL'} |", flush=True
+            f"| {name} | {one:.1f} | {two:.1f} | {one / two:.2f} | {idle_one / idle_two:.2f} | {RATIO} | "
+            f"{'pass' if good else 'FAIL'} |",
+            flush=True,
         )
     return passed >= 5
 
@@ -154,9 +167,9 @@ def many_rows() -> bool:
     wall_s = time.perf_counter() - begin
     own = end.ru_utime + end.ru_stime - parent.ru_utime - parent.ru_stime
     print(
-        f"\n{count} rows of {1e3 * seconds / count:.2f} ms: {wall_s:.1f} s with two workers; this process took {own:.1f} s, "
-        f"{100 * own / seconds:.1f} % of the rows' {seconds:.1f} s (at most {100 * SHARE:g} %); its memory grew by "
-        f"{most - before:.0f} MB."
+        f"\n{count} rows of {1e3 * seconds / count:.2f} ms: {wall_s:.1f} s with two workers; this process took "
+        f"{own:.1f} s, {100 * own / seconds:.1f} % of the rows' {seconds:.1f} s (at most {100 * SHARE:g} %); "
+        f"its memory grew by {most - before:.0f} MB."
     )
     return own <= SHARE * seconds
 
@@ -164,7 +177,7 @@ def many_rows() -> bool:
 def main() -> int:
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
     print(f"Load of the machine before: {load:.1f} on {gt.workers.usable_cores()} usable cores.\n")
-    good = [many_rows(), starts()]
+    good = [starts(), many_rows()]
     print()
     good.append(ratios())
     return 0 if all(good) else 1

@@ -166,7 +166,7 @@ def test_a_worker_killed_in_the_middle_of_a_study_changes_nothing(crew: Crew) ->
 
 def test_a_problem_gives_the_same_bytes_with_workers(crew: Crew, tmp_path: Path) -> None:
     def bytes_of(name: str) -> dict[str, bytes]:
-        loaded = load(PROBLEMS / "random_modes.toml", ["draw.platforms=20"])
+        loaded = load(PROBLEMS / "random_modes.toml", ["draw.platforms=17"])
         run.solve(loaded, run.context_of(loaded), out=tmp_path / name)
         return {p.name: p.read_bytes() for p in (tmp_path / name).iterdir() if p.name != "run.toml"}
 
