@@ -56,27 +56,27 @@ for force, value in zip(forces, exponent, strict=False):
 # %% [markdown]
 # ## 3 Any function
 #
-# A task is also any function of a notebook that returns numbers. Here a mass of 20 kg with 60 N of friction moves 0.43 m
-# from rest and is stopped by full force: the law without a robot, with friction in its place.
+# A task is also any function that returns numbers, here one of this notebook: a mass of 20 kg under a constant load of
+# 220 N that moves 0.4 m at full force and is stopped by full force.
 
 
 # %%
-def mass_with_friction(force: float) -> dict[str, float]:
-    speeding, braking = (force - 60) / 20, (force + 60) / 20  # m/s2
-    return {"time_s": float(np.sqrt(2 * 0.43 * (1 / speeding + 1 / braking)))}
+def loaded_mass(force: float) -> dict[str, float]:
+    speeding, braking = (force - 220) / 20, (force + 220) / 20  # m/s2
+    return {"time_s": float(np.sqrt(2 * 0.4 * (1 / speeding + 1 / braking)))}
 
 
-simple = gt.sweep.study(mass_with_friction, {"force": forces}, workers=2)
-steps = np.diff(np.log(simple.table["time_s"])) / np.diff(np.log(forces))
-print(steps.round(2))
+simple = gt.sweep.study(loaded_mass, {"force": forces}, workers=2)
+of_mass = np.diff(np.log(simple.table["time_s"])) / np.diff(np.log(forces))
+print(of_mass.round(2))
 
 # %% [markdown]
 # ## The answer
 #
-# Stronger motors gain about as much as for a free mass, and slightly more at small forces, where friction and gravity
-# take a larger share.
+# Weak motors gain most: near 300 N gravity and friction take about 220 N of the force, and a third more force saves 30 %
+# of the time. At 1,000 N the law of the free mass nearly holds: the exponent approaches -1/2.
 
 # %%
 assert swept.rows_solved == len(forces)
-assert np.all(np.diff(time) < 0)
-print(exponent.round(3))
+assert np.all(np.diff(exponent) > 0) and exponent[0] < -1.0 and -0.65 < exponent[-1] < -0.5
+assert np.abs(exponent - of_mass).max() < 0.15
