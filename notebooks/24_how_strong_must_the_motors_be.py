@@ -69,14 +69,12 @@ def loaded_mass(force: float) -> dict[str, float]:
 simple = gt.sweep.study(loaded_mass, {"force": forces}, workers=2)
 of_mass = np.diff(np.log(simple.table["time_s"])) / np.diff(np.log(forces))
 print(of_mass.round(2))
-
-# %% [markdown]
-# ## The answer
-#
-# Weak motors gain most: near 300 N gravity and friction take about 220 N of the force, and a third more force saves 30 %
-# of the time. At 1,000 N the law of the free mass nearly holds: the exponent approaches -1/2.
-
-# %%
 assert swept.rows_solved == len(forces)
 assert np.all(np.diff(exponent) > 0) and exponent[0] < -1.0 and -0.65 < exponent[-1] < -0.5
 assert np.abs(exponent - of_mass).max() < 0.15
+
+# %% [markdown]
+# ## Answer
+#
+# Weak motors gain most: near 300 N gravity and friction take about 220 N of the force, and a third more force saves
+# 30 % of the time. At 1,000 N the law of the free mass nearly holds: the exponent approaches -1/2.

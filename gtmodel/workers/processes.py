@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -45,6 +46,9 @@ class Pool:
         self.open = True
         # spawn, since a forked process would inherit locks and BLAS threads
         context = multiprocessing.get_context("spawn")
+        main = sys.modules["__main__"]
+        if not hasattr(main, "__spec__"):  # multiprocessing reads it; %reset of a notebook removes it
+            main.__spec__ = None
         self._pool = ProcessPoolExecutor(size, context, _begin)
         self._probe = self.submit(_ready)
 
