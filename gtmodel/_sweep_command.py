@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import csv
-import os
 import re
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from gtmodel._crew import crew_of
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.load import Loaded, apply, load, refuse_twice
 from gtmodel.problem_files.run import Finished, ProblemRows
@@ -20,9 +19,7 @@ from gtmodel.results import ArgumentError
 from gtmodel.results.written import sha256
 from gtmodel.sweep import LogUniform, Normal, OneOf, Uniform, study
 from gtmodel.sweep.design import Distribution
-from gtmodel.workers import connected
 
-CLUSTER = "GTMODEL_CLUSTER"
 CHECKED = 50  # values of a list that are checked before the work
 _RANGE = re.compile(r"(?P<low>[^:,\[]+):(?P<high>[^:]+):(?P<number>\d+)")
 _DRAWN = re.compile(r"(?P<name>uniform|loguniform|normal|choice)\((?P<rest>.*)\)", re.DOTALL)
@@ -33,8 +30,7 @@ _FORMS = (
 # argument of the library -> option
 _OPTIONS = {
     "vary": "--vary", "rows": "--vary", "samples": "--random", "seed": "--seed", "method": "--design", "part": "--part",
-    "show": "--show", "workers": "--workers", "cluster": "--cluster",
-    "executor": "--cluster", "folder": "--out", "only_merge": "--merge",
+    "show": "--show", "folder": "--out", "only_merge": "--merge",
     "parquet": "--parquet",
 }  # fmt: skip
 
@@ -45,20 +41,17 @@ def run(
     cluster: str | None,
 ) -> Finished:  # fmt: skip
     """Run a problem for every row and write the table into `out`. Raises InputError about an option."""
-    if cluster and workers is not None:
-        raise InputError("--workers and --cluster exclude each other; leave one of them out")
-    address = cluster or (os.environ.get(CLUSTER) if workers is None else None)
     values, rows = _varied(vary, samples or 0)
     keys = [*values, *(rows[0] if rows else ())]
     refuse_twice([*loaded.settings, *(f"{key}=" for key in keys)])
     task = ProblemRows(str(loaded.path.absolute()), loaded.settings, sha256(loaded.content))
     _check_first(loaded, task, values, rows)
     try:
-        with connected(address) if address else nullcontext() as client, job.under_way():
+        with crew_of(workers, cluster, all_cores=True), job.under_way():
             outcome = study(
                 task, values, rows=rows, samples=samples or 0, seed=seed, method=method, part=_part(part),
-                only_merge=merge, folder=out, keep_runs=runs, plot=plot, parquet=parquet, show=show, workers=workers,
-                executor=client, title=loaded.problem.heading, **job.work(),
+                only_merge=merge, folder=out, keep_runs=runs, plot=plot, parquet=parquet, show=show,
+                title=loaded.problem.heading, **job.work(),
             )  # fmt: skip
     except ArgumentError as error:
         option = _OPTIONS.get(error.argument, "")

@@ -67,6 +67,13 @@ WriteFailed = Annotated[
     bool,
     typer.Option("--write-failed", help="Write machine files even if a check failed, marked in the first line."),
 ]
+Workers = Annotated[
+    int | None,
+    typer.Option(metavar="N", help="Processes for independent rows, such as starts or samples; 0 for this one."),
+]
+Cluster = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler, tcp://host:8786; or set GTMODEL_CLUSTER.")
+]
 
 
 def _version(requested: bool) -> None:
@@ -219,17 +226,25 @@ def solve(
         Path | None, typer.Option(metavar="RESULT", help="Start from the result.json of an earlier --out.")
     ] = None,
     write_failed: WriteFailed = False,
+    workers: Workers = None,
+    cluster: Cluster = None,
     quiet: Quiet = False,
 ) -> None:
-    """Solve a problem. Ctrl-C and SIGTERM stop it and keep the best iterate."""
+    """Solve a problem. Ctrl-C and SIGTERM stop it and keep the best iterate.
+
+    The result is the same for any number of workers.
+    """
+    from gtmodel import _crew
     from gtmodel.problem_files import run
 
     with answering(context, as_json, problem) as answer:
         loaded = _load(problem, settings, answer)
         job = run.context_of(loaded, max_seconds=max_seconds, start=start)
         folder = out or (Path(f"{job.name}-result") if plot else None)
-        with terminal.watching(job, quiet=quiet):
+        with terminal.watching(job, quiet=quiet), _crew.crew_of(workers, cluster) as crew:
             answer.finished = run.solve(loaded, job, out=folder, plot=plot, write_failed=write_failed)
+        if (workers or cluster) and not crew.used:
+            print(f"{problem}: this problem has no independent rows; the workers were not used", file=sys.stderr)
         if plot and not answer.finished.outcome.figures:
             print(f"{problem}: this result has no picture", file=sys.stderr)
 
@@ -262,9 +277,7 @@ def sweep(
     workers: Annotated[
         int | None, typer.Option(metavar="N", help="Processes; 0 for this one. Default: one per usable core.")
     ] = None,
-    cluster: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler, tcp://host:8786; or set GTMODEL_CLUSTER.")
-    ] = None,
+    cluster: Cluster = None,
     as_json: Json = False,
     max_seconds: Annotated[float | None, typer.Option(metavar="S", help="Time limit; finished rows are kept.")] = None,
     quiet: Quiet = False,

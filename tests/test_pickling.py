@@ -12,6 +12,7 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import control
 import numpy as np
 import pytest
 
@@ -20,6 +21,7 @@ from gtmodel._files import problems_dir
 from gtmodel._pickling import dumps
 from gtmodel.compiler.flat_cache import flat_of, with_values
 from tests.support.commands import environment
+from tests.support.mechanisms import FourBar, dropped
 from tests.support.pickled import answers, content, content_of, sent_again
 
 MODELS = problems_dir() / "models"
@@ -79,11 +81,18 @@ def mop() -> Any:
     return gt.modelica.load(f"{MODELS / 'furuta_pendulum.mop'}")()
 
 
+def furuta() -> gt.Model:
+    return gt.modelica.load(f"{MODELS / 'furuta_pendulum.mop'}:Pendulum")()
+
+
 CASES = {
     "catalogue": lambda: gt.robots.make("l1_tape").causal(known="T", targets=["q", "der(q)"]),
     "catalogue, Newton": lambda: gt.robots.make("d1_six_link").causal(known="q", targets="T"),
     "serial": lambda: gt.robots.make("kr500").causal(known="q", targets="T"),
     "urdf": lambda: gt.robots.from_urdf(MODELS / "arm.urdf").causal(known="q", targets=["T", "tau"]),
+    "modelica": lambda: furuta().causal(known="u", targets="der(hinge.phi,2)", prefer=["shoulder.phi", "hinge.phi"]),
+    "known rotation": lambda: gt.robots.make("f1").causal(known=["T", "e"], targets="q"),
+    "loop": lambda: dropped(FourBar).causal(known="crank.phi", targets="rocker.phi"),
     "module": lambda: Slider(L=2.0).causal(known="x", targets="y", branches={"below": -1}),
     "local": lambda: local(3.0).causal(known="x", targets="y"),
     "builder": lambda: built().causal(targets="der(x,2)", prefer="x"),
@@ -103,6 +112,18 @@ def test_a_causal_function_elsewhere_gives_equal_numbers_and_equal_c(case: str, 
     assert values == here == direct
     assert texts == texts_here and any(name.endswith(".c") for name in texts)
     assert once
+
+
+def test_a_regressor_with_newton_blocks_elsewhere(worker: Executor) -> None:
+    regressor = gt.identify.Regressor(gt.robots.make("d1_six_link"), ["m_p"])
+    assert worker.submit(content_of, dumps(regressor)).result() == content(regressor)
+
+
+def test_a_linear_system_elsewhere(worker: Executor) -> None:
+    system = control.StateSpace([[0.5, 0.1], [0.0, 0.4]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]], 0.01)
+    back = pickle.loads(worker.submit(sent_again, dumps(system)).result())
+    assert [getattr(back, x).tobytes() for x in "ABCD"] == [getattr(system, x).tobytes() for x in "ABCD"]
+    assert back.dt == system.dt
 
 
 def test_modelica_text_elsewhere(worker: Executor) -> None:

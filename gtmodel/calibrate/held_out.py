@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from ..inference.weighting import prior_rows
 from ..lang.source import ModelError
 from ..results.refusal import ArgumentError
 from ..results.work import never
+from ..workers.mapped import mapped
 from .calibration import Calibration, calibrate, residual_level
 from .measured.options import Refit
 from .measurements import Correction, Measurements
@@ -206,22 +208,27 @@ def leave_out(
     chosen = tuple(folds_of(len(m)) if folds is None else folds)
     fitted = c.positioning_errors()
     errors = {n: np.full_like(e, np.nan) for n, e in fitted.items()}
-    moments, ends = np.zeros(2), []
-    for fold in chosen:
-        if stop():
-            raise ArgumentError(f"stopped after {len(ends)} of {len(chosen)} refits", "stop")
-        rest = m.part(np.setdiff1d(every, fold))
+    moments = np.zeros(2)
+
+    def without(fold: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray] | None:
+        rest, kept = m.part(np.setdiff1d(every, fold)), m.part(fold)
         try:
             result = calibrate(c.problem.on(rest), cost=c.cost, loss=loss, width=width, limit=limit, confidence=False)
         except (ModelError, ValueError) as error:
             raise ArgumentError(f"without {len(fold)} of {len(m)} poses: {error}", "folds") from error
-        ends.append(result.status.ok)
         if not result.status.ok:
+            return None
+        return result.positioning_errors(kept), _moments(result, kept, fitted, signal)
+
+    refits = mapped(without, chosen, waiting=stop)
+    for n, fold in enumerate(chosen):
+        if stop() or (refit := next(refits, _STOPPED)) is _STOPPED:
+            raise ArgumentError(f"stopped after {n} of {len(chosen)} refits", "stop")
+        if refit is None:
             continue
-        kept = m.part(fold)
-        for name, values in result.positioning_errors(kept).items():
+        for name, values in refit[0].items():
             errors[name][fold] = values
-        moments += _moments(result, kept, fitted, signal)
+        moments += refit[1]
     return PosesLeftOut(errors, chosen, _judged(c, fitted, errors, moments, signal, correlated, false_alarm, matters))
 
 
@@ -256,6 +263,7 @@ def _judged(
     return held_out_ratio(ratio, float(growth), fitted_of, held_of, false_alarm=false_alarm, matters=matters)
 
 
+_STOPPED: Any = object()
 PLACES = {"offset": ".offset", "scale": ".scale", "device": ".device.", "target": ".target."}  # in names of parameters
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal, get_args
 
 import numpy as np
 
 from ..kinematics.workspace import REACHABLE, Grid, Reach, map_grid
 from ..lang.source import ModelError
+from ..workers.mapped import mapped
 from .pose_information import PoseInformation
 
 # directions of the neighbours of a point: to the faces, edges and corners of a cube
@@ -191,21 +193,39 @@ def exchange(
     ridge = RIDGE * float(np.mean(rows**2)) * rows.shape[1] * np.eye(info.rank)
     constant = info.priors @ info.basis
     score = _Score(criterion, rows, np.zeros_like(ridge) if moment is None else moment)
-    best, scores, complete = np.zeros(0, int), [], True
-    for k, s in enumerate(np.random.SeedSequence(seed).spawn(starts)):
-        chosen = np.random.default_rng(s).permutation(len(info))[:number]
-        for sweep in range(SWEEPS):
-            if stop is not None and (k or sweep) and stop((k + sweep / (sweep + 3)) / starts):
-                complete = False
-                break
-            if not _swept(chosen, rows, constant.T @ constant + ridge, score, repeats):
-                break
+    best, scores, complete = np.zeros(0, int), list[float](), True
+    exchanged = partial(_exchanged, number, constant.T @ constant + ridge, score, repeats)
+
+    def stopped() -> bool:
+        return stop is not None and bool(scores) and stop(len(scores) / starts)
+
+    def here(item: tuple[int, np.random.SeedSequence]) -> tuple[np.ndarray, bool]:
+        k = item[0]
+        return exchanged(item, lambda sweep: stop is not None and bool(k or sweep) and stop((k + sweep) / starts))
+
+    seeds = enumerate(np.random.SeedSequence(seed).spawn(starts))
+    for chosen, complete in mapped(exchanged, seeds, here=here, waiting=stopped):
         scores.append(score.of(info.matrix(chosen) + ridge))
         if scores[-1] <= min(scores):
             best = np.sort(chosen)
         if not complete:
             break
-    return Selection(best, criterion, min(scores), tuple(scores), complete)
+    return Selection(best, criterion, min(scores), tuple(scores), complete and len(scores) == starts)
+
+
+def _exchanged(
+    number: int, constant: np.ndarray, score: _Score, repeats: int, start: tuple[int, np.random.SeedSequence],
+    stop: Callable[[float], bool] = lambda _: False,
+) -> tuple[np.ndarray, bool]:  # fmt: skip
+    """Exchange from one random start; return the chosen poses, and False if `stop`, called with the share of the start
+    that is done, ended it."""
+    chosen = np.random.default_rng(start[1]).permutation(len(score.rows))[:number]
+    for sweep in range(SWEEPS):
+        if stop(sweep / (sweep + 3)):
+            return chosen, False
+        if not _swept(chosen, score.rows, constant, score, repeats):
+            break
+    return chosen, True
 
 
 def condition_removal(

@@ -16,7 +16,7 @@ from ..lang import Model, ModelError
 from ..measurements import Session, Signal
 from ..measurements.log import left_out as left_out_rows
 from ..results import ArgumentError, SolveStatus, Trajectory, TrajectoryError, Work, naming
-from ..results.work import WorkOptions, study_function
+from ..results.work import CREW, WorkOptions, study_function
 from ..robots import SerialArm
 from .bodies import bodies_of
 from .checks import HalfCutoff, half_cutoff, judged
@@ -428,7 +428,7 @@ def _repeated(request: Request, data: Recordings, s: SyntheticLog) -> Repeated |
             free=request.free,
             processing=request.processing,
             confidence=request.how.confidence,
-            processes=s.processes,
+            processes=s.processes if CREW.get() is None else None,
             progress=lambda done, runs: work.progress("repeating", done / runs, {"runs": float(done)}),
             interrupted=work.interrupted,
         )

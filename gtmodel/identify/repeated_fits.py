@@ -16,6 +16,7 @@ from ..inference import BetweenRecordings, between_recordings
 from ..lang import ModelError
 from ..measurements import Session
 from ..results.estimate import Estimate
+from ..workers.mapped import mapped
 from .inertia import Confidence, Identification, identify
 from .options import Processing
 from .regressor import Regressor
@@ -127,7 +128,9 @@ def leave_out_in_turn(
     free = (*identification.estimate.names, *identification.estimate.held)
     ends = np.round(np.linspace(0, n, folds + 1)).astype(int)
     errors = np.empty_like(rows.effort)
-    for begin, end in itertools.pairwise(ends):
+
+    def without(block: tuple[int, int]) -> Array:
+        begin, end = block
         training = np.r_[0:begin, end:n]
         remaining = rows.chosen(training)
         # the offset of a recording that is omitted entirely has no rows
@@ -135,7 +138,11 @@ def leave_out_in_turn(
         limited = nonnegative if isinstance(nonnegative, bool) else [p for p in nonnegative if p in names]
         fit = identify(remaining, names, nonnegative=limited, confidence=confidence, test=[])
         part = slice(begin, end)
-        errors[part] = rows.effort[part] - rows.Y[part] @ fit.parameters - rows.y0[part]
+        return rows.effort[part] - rows.Y[part] @ fit.parameters - rows.y0[part]
+
+    blocks = list(itertools.pairwise(ends.tolist()))
+    for (begin, end), error in zip(blocks, mapped(without, blocks), strict=True):
+        errors[begin:end] = error
     return LeftOutInTurn(errors, folds)
 
 

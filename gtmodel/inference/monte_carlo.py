@@ -13,7 +13,8 @@ import scipy
 
 from ..results.estimate import Estimate, half_width
 from ..results.refusal import ArgumentError
-from ..workers.each import each
+from ..results.work import CREW, Crew
+from ..workers.mapped import shared
 
 BAND = 0.999  # two-sided: one correct interval in a thousand falls outside
 POOLED = (0.94, 0.96)
@@ -133,12 +134,11 @@ def monte_carlo(
 ) -> MonteCarlo:
     """Call task(rng, k) for k = 0..runs-1, each with its own generator spawned from `seed`.
 
-    The results do not depend on the number of `processes`: by default one per core; 0 runs all in this process (with
-    its BLAS threads), for debugging. For other processes the task must be importable: a function of a module, or
-    functools.partial of one. `executor` runs the tasks elsewhere: an object with submit() as in
-    concurrent.futures.Executor, or a Dask client, whose get_executor() is called. `progress(done, runs)` is called
-    after each run. Ctrl-C, or `interrupted()` returning True, ends the workers and returns the finished runs; workers
-    ignore Ctrl-C and SIGTERM, and end with this process.
+    The results do not depend on the number of `processes`: by default those of the running study or of
+    `gt.workers.using`, else one per core; 0 runs all in this process (with its BLAS threads), for debugging. `executor`
+    runs the tasks elsewhere, see `gt.workers.each`. `progress(done, runs)` is called after each run. Ctrl-C, or
+    `interrupted()` returning True, ends the workers and returns the finished runs; workers ignore Ctrl-C and SIGTERM,
+    and end with this process.
 
     Raises ArgumentError for fewer than one run, RuntimeError with the number of the run in which the task failed.
 
@@ -150,7 +150,9 @@ def monte_carlo(
     """
     if runs < 1:
         raise ArgumentError(f"expected at least one run; found {runs}")
-    count = processes if processes is None or processes == 0 else min(runs, processes)
+    given = processes is not None or executor is not None
+    own = Crew(min(runs, processes) if processes else processes, executor)
+    crew = own if given else CREW.get() or own
     results: dict[int, Any] = {}
     stopped = False
 
@@ -160,7 +162,7 @@ def monte_carlo(
         return stopped
 
     seeded = partial(_run, task, seed)
-    rows = each(seeded, range(runs), workers=count, executor=executor, stop=stop, ordered=False)
+    rows = shared(crew, seeded, range(runs), stop, ordered=False)
     try:
         with closing(rows):
             for done in rows:
@@ -172,6 +174,8 @@ def monte_carlo(
                     progress(len(results), runs)
     except KeyboardInterrupt:
         stopped = True
+    finally:
+        own.close()
     indices = tuple(sorted(results))
     return MonteCarlo(tuple(results[k] for k in indices), indices, runs, seed, stopped and len(indices) < runs)
 

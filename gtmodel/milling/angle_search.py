@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..results import ArgumentError, Work
+from ..results.work import never
 from ..vibration import OscillatorField
+from ..workers.mapped import mapped
 from .deflection import Deflection
 from .oscillators import Oscillators
 from .task import MillingPlace, MillingTask, Refined, deflections_of, place_of, refined
@@ -267,31 +271,51 @@ def search(work: Work, f: AngleSearch) -> None:
 def _combinations(work: Work, f: AngleSearch, static: int) -> list[tuple[float, float, float]]:
     """Fill `combinations`; return speed, least index and index of row `static` at the declared place and feed."""
     task = f.task
-    s = task.search
-    by_speed = []
-    for p, where in enumerate([task.place, *s.places]):
-        try:
-            place = f.place if p == 0 else place_of(task, where)
-        except ArgumentError as error:
-            if error.argument != "place" and not (
-                error.argument == "dynamics" and isinstance(task.given, OscillatorField)
-            ):
-                raise
-            f.combinations.append({"place_m": where, "reason": error.message})
-            continue
-        dynamics = place.dynamics
-        assert dynamics is not None
-        for n, feed in enumerate([task.feed.tolist(), *s.feed_directions]):
-            for v, speed in enumerate([task.speed, *s.speeds]):
-                if work.interrupted():
-                    return by_speed
-                first = p == n == v == 0
-                result = f.deflection if first else deflections_of(task, dynamics.oscillators, speed=speed, feed=feed)
-                assert result is not None
-                best = int(np.argmin(result.peak))
-                angle = float(np.rad2deg(place.sweep.angles[dynamics.rows[best]]))
-                f.combinations.append({"place_m": where, "feed_direction": feed, "speed_rpm": 60 * speed,
-                                       "index_mm": 1e3 * float(result.peak[best]), "angle_deg": angle})  # fmt: skip
-                if p == n == 0:
-                    by_speed.append((speed, float(result.peak[best]), float(result.peak[static])))
+    entries, by_speed = _at(task, f.place, task.place, static, f.deflection, work.interrupted)
+    f.combinations += entries
+
+    def here(where: Sequence[float]) -> list[dict[str, Any]]:
+        return _elsewhere(task, where, work.interrupted)
+
+    places = takewhile(lambda _: not work.interrupted(), task.search.places)
+    for entries in mapped(partial(_elsewhere, task), places, here=here, waiting=work.interrupted):
+        f.combinations += entries
     return by_speed
+
+
+def _elsewhere(
+    task: MillingTask, where: Sequence[float], stop: Callable[[], bool] = never
+) -> list[dict[str, Any]]:  # fmt: skip
+    try:
+        return _at(task, place_of(task, where), where, 0, None, stop)[0]
+    except ArgumentError as error:
+        if error.argument != "place" and not (error.argument == "dynamics" and isinstance(task.given, OscillatorField)):
+            raise
+        return [{"place_m": where, "reason": error.message}]
+
+
+def _at(
+    task: MillingTask, place: MillingPlace, where: Sequence[float], static: int, first: Deflection | None,
+    stop: Callable[[], bool],
+) -> tuple[list[dict[str, Any]], list[tuple[float, float, float]]]:  # fmt: skip
+    """Return the least index at one place by feed and speed, and the speeds of the first feed as `_combinations`.
+
+    first: deflection of the first feed and speed, if it is known.
+    """
+    s, entries, by_speed = task.search, list[dict[str, Any]](), list[tuple[float, float, float]]()
+    dynamics = place.dynamics
+    assert dynamics is not None
+    for n, feed in enumerate([task.feed.tolist(), *s.feed_directions]):
+        for v, speed in enumerate([task.speed, *s.speeds]):
+            if stop():
+                return entries, by_speed
+            known = n == v == 0 and first is not None
+            result = first if known else deflections_of(task, dynamics.oscillators, speed=speed, feed=feed)
+            assert result is not None
+            best = int(np.argmin(result.peak))
+            angle = float(np.rad2deg(place.sweep.angles[dynamics.rows[best]]))
+            entries.append({"place_m": where, "feed_direction": feed, "speed_rpm": 60 * speed,
+                            "index_mm": 1e3 * float(result.peak[best]), "angle_deg": angle})  # fmt: skip
+            if n == 0:
+                by_speed.append((speed, float(result.peak[best]), float(result.peak[static])))
+    return entries, by_speed

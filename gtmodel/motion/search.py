@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
@@ -14,7 +14,9 @@ from ..lang import Optimization
 from ..optimize import Blocks, Mesh, Solution, SolverOptions, solve as collocate
 from ..optimize.judgement.resimulate import Resimulation, resimulate
 from ..optimize.multistart import ReachedOptima
+from ..optimize.watch import Progress
 from ..results import SolveStatus, Trajectory, Work
+from ..workers.mapped import mapped
 from .constraints import NO_GUARD, MotionConstraints
 from .options import MotionMesh, MotionProblem
 from .task import FurtherStart, motion
@@ -31,6 +33,7 @@ REPEATED = 4  # consecutive starts without a new optimum that end the search
 RESERVE = 200  # iterations reserved for the exported motion, which takes 10 to 70
 EXPORT_LOSS = 0.05  # relative cost of a constant force per element; a larger loss indicates another, worse optimum
 TIGHTENINGS = 3
+OPTIMISING = "optimising"
 TIGHTENED = 1e-4  # relative tightening beyond the observed excess
 CONTINUATION = (0.01, 0.001)  # weights of the energy, relative to the time's, before the problem's own
 
@@ -107,14 +110,33 @@ class MotionSearch:
         time or iterations run out.
         """
         solutions: list[Solution] = []
-        for start in starts:
-            if self.work.interrupted() or self.left <= RESERVE or self.reached.repeated >= REPEATED:
+        control, model = self.problem.mesh.control, self.guarded
+        task = partial(_collocated, model, _collocation_mesh(self.problem.mesh, control))
+
+        def over() -> bool:
+            return self.left <= RESERVE or self.reached.repeated >= REPEATED
+
+        def items() -> Iterator[tuple[Trajectory, SolverOptions]]:
+            for start in starts:
+                if self.work.interrupted() or over():
+                    break
+                yield start.guess, self._options(start.barrier, self.left - RESERVE)
+
+        def here(item: tuple[Trajectory, SolverOptions]) -> Solution:
+            self.work.progress("collocation")
+            return task(item, progress=self.work.iterations(OPTIMISING))
+
+        for solution in mapped(task, items(), here=here, waiting=self.work.interrupted):
+            if over():  # a worker was ahead
                 break
-            control, most = self.problem.mesh.control, self.left - RESERVE
-            solution = self._attempt(self.guarded, control, start.guess, start.barrier, most)
+            # the same as if this start had begun when the one before was done
+            most = self.left - RESERVE
+            converged = solution.status.converged and solution.iterations <= most
+            self.iterations += min(solution.iterations, most)
             self.started += 1
-            self.reached.add(solution.objective if solution.status.converged else None)
-            if solution.status.converged:
+            self.reached.add(solution.objective if converged else None)
+            self.work.progress(f"{self.started} further starts done")
+            if converged:
                 solutions.append(solution)
         return solutions
 
@@ -175,27 +197,26 @@ class MotionSearch:
     ) -> Solution:
         """Make one attempt; barrier: used if the problem's strategy is "auto"."""
         own_control = control == self.problem.mesh.control
-        stage = "optimising" if own_control else "optimising with bounds on the force between the nodes"
-        mesh, solver = self.problem.mesh, self.problem.solver
+        stage = OPTIMISING if own_control else "optimising with bounds on the force between the nodes"
         self.work.progress("collocation")
-        solution = collocate(
-            model,
-            _collocation_mesh(mesh, control),
-            guess=guess,
-            solver=SolverOptions(
-                error_bound=None,  # the study judges the motion by its re-simulation
-                tolerance=solver.tolerance,
-                formulation=solver.formulation,
-                barrier=solver.barrier if solver.barrier != "auto" else cast(Any, barrier),
-                patience=PATIENCE,
-                max_iterations=self.left if most is None else most,
-                max_seconds=self.work.seconds_left(),
-            ),
-            progress=self.work.iterations(stage),
-            throw=False,
-        )
+        solution = _collocated(
+            model, _collocation_mesh(self.problem.mesh, control),
+            (guess, self._options(barrier, self.left if most is None else most)), progress=self.work.iterations(stage),
+        )  # fmt: skip
         self.iterations += solution.iterations
         return solution
+
+    def _options(self, barrier: str, most: int) -> SolverOptions:
+        solver = self.problem.solver
+        return SolverOptions(
+            error_bound=None,  # the study judges the motion by its re-simulation
+            tolerance=solver.tolerance,
+            formulation=solver.formulation,
+            barrier=solver.barrier if solver.barrier != "auto" else cast(Any, barrier),
+            patience=PATIENCE,
+            max_iterations=most,
+            max_seconds=self.work.seconds_left(),
+        )
 
     def _over(self, solution: Solution) -> bool:
         """Return whether no further attempt is possible."""
@@ -228,6 +249,13 @@ class MotionSearch:
         run = solution.trajectory
         least = self.problem.limits.link_along_guideway
         return "along_guideway" not in run or bool(np.min(run["along_guideway"]) >= least * (1 - 1e-6))
+
+
+def _collocated(
+    model: Optimization, mesh: Mesh, item: tuple[Trajectory | Solution, SolverOptions], progress: Progress | None = None
+) -> Solution:
+    guess, solver = item
+    return collocate(model, mesh, guess=guess, solver=solver, progress=progress, throw=False)
 
 
 def _collocation_mesh(mesh: MotionMesh, control: Control) -> Mesh:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any
+from functools import partial
+from typing import Annotated, Any, cast
 
 import numpy as np
 
 from .._pickling import Portable
 from ..results.agreement import Within, agree
 from ..results.trajectory import Trajectory
+from ..workers.mapped import mapped
 from .nlp import Nlp
 from .solution import Solution
 from .solve import NotSolved, SolverOptions, solve_nlp
@@ -164,9 +166,8 @@ def multi_start(
     floor = floor if np.isfinite(floor) else 0.0
     distinct: list[tuple[Solution, int]] = []
     failures: list[Solution] = []
-    for k in range(count):
-        x0 = first if k == 0 else _perturbed(nlp, first, spread, np.random.default_rng([seed, k]))
-        s = solve_nlp(nlp, x0, options, throw=False)
+    for solution in mapped(partial(_from_start, nlp, first, spread, seed, options), range(count)):
+        s = replace(solution, nlp=nlp)
         if not s.status.converged:
             failures.append(s)
             continue
@@ -184,6 +185,14 @@ def multi_start(
     best = distinct[0][0]
     optima = tuple(Optimum(_with_count(s, times, count), times, distance(s, best)) for s, times in distinct)
     return MultiStart(optima, tuple(s.message for s in failures), seed)
+
+
+def _from_start(
+    nlp: Nlp, first: np.ndarray, spread: float, seed: int, options: SolverOptions, k: int
+) -> Solution:  # fmt: skip
+    """Solve from start k; the solution comes without its NLP, which all starts share."""
+    x0 = first if k == 0 else _perturbed(nlp, first, spread, np.random.default_rng([seed, k]))
+    return replace(solve_nlp(nlp, x0, options, throw=False), nlp=cast(Nlp, None))
 
 
 def _with_count(solution: Solution, count: int, starts: int) -> Solution:

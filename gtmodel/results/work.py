@@ -35,7 +35,26 @@ class Interrupted(Exception):
     """The work ends before or within this step; the result is what `Work.keep` stored, or only a status."""
 
 
+@dataclass(eq=False)
+class Crew:
+    """Who runs the independent rows of a study, see `gtmodel.workers`.
+
+    used: whether rows ran elsewhere. pool: the processes, started by the first map and kept for the next.
+    """
+
+    workers: int | None = 0
+    executor: Any = None
+    used: bool = False
+    pool: Any = None
+
+    def close(self) -> None:
+        """End the processes."""
+        if self.pool is not None and self.pool.open:
+            self.pool.close()
+
+
 KEPT: ContextVar[list[Callable[[], Any]]] = ContextVar("KEPT")  # of the running study; set by `study_function`
+CREW: ContextVar[Crew | None] = ContextVar("CREW", default=None)  # of the running study, and of those that it calls
 
 
 def silent(stage: str | None = None, fraction: float | None = None, numbers: Mapping[str, float] | None = None) -> None:
@@ -56,12 +75,17 @@ class Work:
         numbers by name or None.
     max_seconds: time limit [s] from the creation of this object; None for no limit.
     stop: called once per step of the work; True ends it with the results so far.
+    workers: number of processes for independent rows, such as starts, samples or folds; 0 for this process, None for
+        one per usable core. The result is the same for any number.
+    executor: runs these rows instead: an object with submit(), or a Dask client; see `gtmodel.workers`.
     """
 
     title: str = ""
     progress: Progress = silent
     max_seconds: Annotated[float | None, Within(above=0.0)] = None
     stop: Callable[[], bool] = never
+    workers: Annotated[int | None, Within(least=0)] = 0
+    executor: Any = None
     began: float = field(default_factory=time.monotonic)
 
     def keep(self, so_far: Callable[[], Any]) -> None:
@@ -114,6 +138,8 @@ class WorkOptions(TypedDict, total=False):
     progress: Progress
     max_seconds: float | None
     stop: Callable[[], bool]
+    workers: int | None
+    executor: Any
 
 
 @dataclass(kw_only=True)
@@ -225,6 +251,9 @@ def study_function(function: Callable[P, R]) -> Callable[P, R]:
             agree(value, hints()[name], name)
         kept: list[Callable[[], R]] = []
         opened = KEPT.set(kept)
+        own = {name: arguments[name] for name in ("workers", "executor") if of_work and name in arguments}
+        crew = Crew(**own) if own else CREW.get()
+        before = CREW.set(crew)
         try:
             return function(*args, **kwargs)
         except Interrupted as stopped:
@@ -232,6 +261,9 @@ def study_function(function: Callable[P, R]) -> Callable[P, R]:
                 return kept[-1]()
             return ended(hints()["return"], str(stopped), arguments.get("title", ""))
         finally:
+            CREW.reset(before)
+            if own and crew is not None:
+                crew.close()
             KEPT.reset(opened)
 
     checked.__signature__ = signature  # type: ignore[attr-defined]

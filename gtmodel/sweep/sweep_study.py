@@ -22,7 +22,7 @@ from ..results.quantity import Quantity
 from ..results.refusal import ArgumentError
 from ..results.status import SolveStatus
 from ..results.study import Study
-from ..results.work import Interrupted, Work, WorkOptions, study_function
+from ..results.work import CREW, Crew, Interrupted, Work, WorkOptions, study_function
 from ..workers.each import WorkerDied, each
 from .design import Design, Method, design
 from .row import Keyed, Record, Store, Task, ran
@@ -80,8 +80,6 @@ def study(
     plot: bool = False,
     parquet: bool = False,
     show: Sequence[str] = (),
-    workers: int | None = None,
-    executor: Any = None,
     **work_options: Unpack[WorkOptions],
 ) -> Sweep:
     """Run a study for each row of a design; the table does not depend on the number of workers.
@@ -99,15 +97,13 @@ def study(
         keep_runs: write the result of each row into a folder of its own, `folder`/runs/NAME; column "run" of the table.
         plot, parquet: write the picture and table.parquet into `folder` too; Parquet needs the extra `logs`.
         show: columns in the picture; the first quantities that vary if left out.
-        workers: number of processes; 0 for this process, None for one per usable core.
-        executor: runs the rows instead: an object with submit(), or a Dask client.
-        work_options: see `Work`.
+        work_options: see `Work`; `workers` and `executor` run the rows.
 
     Raises ArgumentError for a wrong design and for a folder that cannot be used.
 
     >>> def area(width, height):
     ...     return {"area_m2": width * height}
-    >>> swept = gt.sweep.study(area, {"width": [1.0, 2.0], "height": [3.0, 5.0]}, workers=0)
+    >>> swept = gt.sweep.study(area, {"width": [1.0, 2.0], "height": [3.0, 5.0]})
     >>> swept.table["area_m2"]
     [3.0, 5.0, 6.0, 10.0]
     """
@@ -134,7 +130,7 @@ def study(
         names = [store.name(plan[k]) for k in numbers]
         runs = place / "runs" if keep_runs and place is not None else None
         if not only_merge:
-            _run(partial(ran, task), plan, numbers, names, store, runs, work, workers, executor)
+            _run(partial(ran, task), plan, numbers, names, store, runs, work)
         made = _made(plan, numbers, names, store, runs, show, work.title)
         if held is not None:
             files = written.files_of(made, result("", None, made))
@@ -149,7 +145,7 @@ def study(
 
 def _run(
     task: Callable[[Any], Record], plan: Design, numbers: range, names: Sequence[str], store: Store, runs: Path | None,
-    work: Work, workers: int | None, executor: Any,
+    work: Work,
 ) -> None:  # fmt: skip
     """Run the rows that are not done and store each when it ends."""
     done = failed = 0
@@ -165,7 +161,8 @@ def _run(
             left.append(position)
             yield plan[k], folder
 
-    results = each(task, items(), workers=workers, executor=executor, stop=work.interrupted, ordered=False)
+    crew = CREW.get() or Crew()
+    results = each(task, items(), workers=crew.workers, executor=crew.executor, stop=work.interrupted, ordered=False)
     try:
         with closing(results):
             for one in results:

@@ -1,5 +1,7 @@
 """The one map over processes and clusters: every study that runs independent rows uses it.
 
+    mapped            values of a task for each item, inside a study: rows run where the caller of the study says
+    using             run the rows of all studies in a block in workers
     each              run a task for each item; yields every result as it comes, or in the order of the items
     Done              the result of one item, or its error
     WorkerDied        error of an item that ended three workers
@@ -17,6 +19,7 @@ from .._lazy import public
 if TYPE_CHECKING:
     from .cluster import connected as connected
     from .each import Done as Done, WorkerDied as WorkerDied, each as each
+    from .mapped import mapped as mapped, using as using
     from .processes import usable_cores as usable_cores
 
 public(__name__)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import concurrent.futures
+from asyncio import CancelledError
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from importlib import import_module
@@ -10,7 +12,7 @@ from itertools import count
 from typing import Any
 
 from ..results.refusal import ArgumentError
-from .task import Packed, dumps, packed, run, run_here
+from .task import DEATHS, Packed, Replies, dumps, packed, run, run_here
 
 UNKNOWN = 64  # workers of an executor that does not tell their number
 WAIT_S = 30.0  # for the scheduler to answer
@@ -20,37 +22,70 @@ class Elsewhere:
     """Runs a task with an executor, or on the cluster of a Dask client. The caller owns it; `close` leaves it open."""
 
     def __init__(self, task: Callable[[Any], Any], executor: Any) -> None:
-        client, self._executor = None, executor
+        self._client, self._executor = None, executor
         if hasattr(executor, "get_executor"):  # a Dask client; Dask is not a dependency
-            client, self._executor = executor, executor.get_executor()
+            self._client = executor if hasattr(executor, "submit") else None
+            self._executor = executor.get_executor()
         if not hasattr(self._executor, "submit"):
             raise ArgumentError(
                 f"expected an object with submit(), such as concurrent.futures.Executor or a Dask client; "
                 f"found {type(executor).__name__}",
                 "executor",
             )
-        self.size = _size(client, self._executor)
+        self.size = _size(self._client, self._executor)
         self._number = count()
+        self._remote: dict[Future[Replies], Any] = {}  # Dask's futures of the batches under way
         self._threads = isinstance(self._executor, ThreadPoolExecutor)
         self._task: Any = task if self._threads else packed(task)
-        if client is not None and hasattr(client, "submit"):
-            # once to each worker, not with every item; a scattered value would be lost with the worker that holds it,
+        if self._client is not None:
+            # once to each worker, not with every batch; a scattered value would be lost with the worker that holds it,
             # but the scheduler repeats a task
-            self._task = client.submit(_same, self._task, pure=False)
+            self._task = self._client.submit(_same, self._task, pure=False)
 
-    def submit(self, item: Any) -> Future[Any]:
-        """Submit one item."""
+    def packed(self, item: Any) -> Any:
+        """Return an item as it is submitted."""
+        return item if self._threads else dumps(item)
+
+    def submit(self, items: Sequence[Any]) -> Future[Replies]:
+        """Submit the packed items of a batch."""
         if self._threads:
-            return self._executor.submit(run_here, self._task, item)
-        # the number tells equal rows apart: Dask answers a repeated call with the reply, or the death, of the first
-        return self._executor.submit(run, self._task, dumps(item), next(self._number))
+            return self._executor.submit(run_here, self._task, items)
+        if self._client is None:
+            return self._executor.submit(run, self._task, items)
+        # the number tells equal batches apart: Dask answers a repeated call with the reply, or the death, of the first
+        remote = self._client.submit(run, self._task, items, next(self._number), pure=False)
+        future = Future[Any]()
+        self._remote[future] = remote
+        self._client.loop.add_callback(self._hand_over, future, remote)
+        return future
 
-    def lost(self, error: BaseException) -> bool:
-        """Return True if the error says that the workers of this item died, as often as the scheduler allows."""
-        return type(error).__name__ == "KilledWorker"
+    async def _hand_over(self, future: Future[Replies], remote: Any) -> None:
+        """Wait for Dask's future; the futures of its own executor never end if a result is lost with its worker."""
+        assert self._client is not None
+        try:
+            replies, error = await self._client.gather(remote, asynchronous=True), None
+        except BaseException as caught:
+            replies, error = None, caught
+        self._remote.pop(future, None)
+        if error is not None and self._client.status != "running":
+            future.cancel()
+        if not future.set_running_or_notify_cancel():
+            return
+        if error is None:
+            future.set_result(replies)
+        else:
+            future.set_exception(error)
+
+    def deaths(self, error: BaseException) -> int:
+        """Return how many workers of this batch died if the error says so, else 0."""
+        if type(error).__name__ == "KilledWorker":
+            return DEATHS  # or more: the scheduler repeats a batch before it tells
+        return int(isinstance(error, (CancelledError, concurrent.futures.CancelledError)))  # lost with its worker
 
     def close(self, *, now: bool) -> None:
-        """Forget the task; pending items were cancelled before."""
+        """Forget the task, and with `now` the batches under way."""
+        if now and self._client is not None and self._remote:
+            self._client.cancel(list(self._remote.values()))
         self._task = None
 
 

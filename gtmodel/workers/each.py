@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import pickle
 from collections import deque
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import islice
 from typing import Any
 
 from ..results.refusal import ArgumentError
 from ..results.work import never
 from .cluster import Elsewhere
-from .processes import Processes, usable_cores
+from .processes import Pool, Processes, usable_cores
+from .task import DEATHS, Replies
 
 LOOK = 0.2  # s between calls of `stop`
-AHEAD = 2  # submitted items per worker: one at work and one waiting, so that a death repeats few
-EARLY = 16  # results per worker that may wait for an earlier one
-DEATHS = 3  # workers that an item may end before it is left out
+AHEAD = 2  # submitted batches per worker: one at work and one waiting, so that a death repeats few
+EARLY = 16  # batches per worker whose results may wait for an earlier one
+BATCH_S, MOST = 0.2, 4096  # s, for which rows are sent together, and the largest number of them
 _LEFT_OUT = f"ended {DEATHS} workers or more without an answer, perhaps for want of memory; it was left out"
 
 
@@ -45,9 +47,10 @@ def each(
 ) -> Generator[Done, None, None]:
     """Call task(item) for each item and yield the results one by one; few items are under way at a time.
 
-    The results do not depend on where the tasks run: worker processes have one BLAS thread each. A worker that dies is
-    replaced, and the items under way are repeated one at a time; an item that ended three workers yields WorkerDied as
-    its error. A caller that ends the iteration, Ctrl-C, and `stop` returning True end the workers.
+    The results do not depend on where the tasks run: worker processes have one BLAS thread each. Short items are sent
+    in batches of about 0.2 s. A worker that dies is replaced, and the batches under way are repeated one at a time, a
+    batch that ends a worker again item by item; an item that ended three workers yields WorkerDied as its error. A
+    caller that ends the iteration, Ctrl-C, and `stop` returning True end the workers.
 
     Args:
         task: any function whose values can be pickled, also one of a notebook. It is sent once to each worker.
@@ -67,8 +70,8 @@ def each(
     count = usable_cores() if workers is None else workers
     if executor is None and count == 0:
         return _here(task, items, stop)
-    crew = Processes(task, count) if executor is None else Elsewhere(task, executor)
-    return _handed_out(crew, items, stop, ordered)
+    crew = Processes(task, Pool(count)) if executor is None else Elsewhere(task, executor)
+    return handed_out(crew, items, stop, ordered)
 
 
 def _here(task: Callable[[Any], Any], items: Iterable[Any], stop: Callable[[], bool]) -> Generator[Done, None, None]:
@@ -83,39 +86,113 @@ def _here(task: Callable[[Any], Any], items: Iterable[Any], stop: Callable[[], b
 
 
 @dataclass(slots=True)
-class _Row:
-    index: int
-    item: Any
+class _Batch:
+    """Rows that are sent together: their indices and packed items."""
+
+    indices: list[int]
+    items: list[Any]
     deaths: int = 0
-    alone: bool = False  # submitted with no other row under way
+    alone: bool = False  # submitted with no other batch under way
+
+    def rows(self) -> Iterator[_Batch]:
+        """Yield each row as a batch of its own."""
+        for index, item in zip(self.indices, self.items, strict=True):
+            yield _Batch([index], [item], self.deaths)
 
 
-def _handed_out(
+@dataclass(slots=True)
+class _Handout:
+    """Batches on their way through the workers. rows: size of the next batch, at most twice that of a finished one."""
+
+    crew: Processes | Elsewhere
+    rest: Iterator[tuple[int, Any]]
+    rows: int = 1
+    ended: bool = False  # all items are read
+    again: deque[_Batch] = field(default_factory=deque)  # not accepted by a broken pool
+    suspects: deque[_Batch] = field(default_factory=deque)  # under way when a worker died: repeated one at a time
+    waiting: dict[Future[Replies], _Batch] = field(default_factory=dict)
+
+    def fill(self) -> None:
+        """Submit batches until each worker has one at work and one waiting."""
+        while not self.suspects and len(self.waiting) < AHEAD * self.crew.size:
+            batch = self.again.popleft() if self.again else self._next()
+            if not batch.indices or not self._accepted(batch, self.again):
+                break
+        if self.suspects and not self.waiting:
+            self.suspects[0].alone = True
+            self._accepted(self.suspects.popleft(), self.suspects)
+
+    def _next(self) -> _Batch:
+        rows = [(index, self.crew.packed(item)) for index, item in islice(self.rest, self.rows)]
+        self.ended = len(rows) < self.rows
+        return _Batch([index for index, _ in rows], [item for _, item in rows])
+
+    def _accepted(self, batch: _Batch, refused: deque[_Batch]) -> bool:
+        """Submit a batch; if the pool is broken, put it back and, if the pool has nothing else to tell, replace it."""
+        try:
+            self.waiting[self.crew.submit(batch.items)] = batch
+        except BrokenExecutor:
+            if isinstance(self.crew, Elsewhere):
+                raise
+            refused.appendleft(batch)
+            if not self.waiting:
+                self.crew.replace()
+            return False
+        return True
+
+    def finished(self) -> list[Done]:
+        """Wait a moment and take the finished batches out of `waiting`; those whose worker died become suspects."""
+        crew, waiting = self.crew, self.waiting
+        ready, _ = wait(waiting, timeout=LOOK, return_when=FIRST_COMPLETED)
+        if isinstance(crew, Processes) and any(_deaths(crew, future) for future in ready):
+            ready, _ = wait(waiting)  # the whole pool is broken; what was done before counts
+        finished, dead = list[Done](), list[_Batch]()
+        for future in sorted(ready, key=lambda f: waiting[f].indices[0]):
+            batch = waiting.pop(future)
+            if deaths := _deaths(crew, future):
+                batch.deaths += deaths if batch.alone else 1  # perhaps another batch ended the worker
+                dead.append(batch)
+                continue
+            if future.cancelled():
+                raise ArgumentError(
+                    "its scheduler or its workers were closed before the last row; start them", "executor"
+                )
+            seconds, replies = future.result()
+            fitting = int(BATCH_S * len(replies) / max(seconds, 1e-9))
+            self.rows = max(1, min(fitting, 2 * len(replies), MOST))
+            for index, reply in zip(batch.indices, replies, strict=True):
+                answered, value = pickle.loads(reply) if isinstance(reply, bytes) else reply
+                finished.append(Done(index, value) if answered else Done(index, error=value))
+        if dead and isinstance(crew, Processes):
+            crew.replace()
+        for batch in dead:
+            if not batch.alone:
+                self.suspects.append(batch)
+            elif len(batch.indices) > 1:
+                self.suspects.extend(batch.rows())
+            elif batch.deaths >= DEATHS:
+                finished.append(Done(batch.indices[0], error=WorkerDied(_LEFT_OUT)))
+            else:
+                self.suspects.append(batch)
+        return finished
+
+
+def handed_out(
     crew: Processes | Elsewhere, items: Iterable[Any], stop: Callable[[], bool], ordered: bool
 ) -> Generator[Done, None, None]:
-    whole = False
-    rest = (_Row(index, item) for index, item in enumerate(items))
-    again: deque[_Row] = deque()  # not accepted by a broken pool
-    suspects: deque[_Row] = deque()  # under way when a worker died: repeated one at a time
-    waiting: dict[Future[Any], _Row] = {}
+    """Yield the results of a crew; `close` it at the end, at once unless all rows are done."""
+    handout = _Handout(crew, iter(enumerate(items)))
     early: dict[int, Done] = {}
     following = 0  # the next index in order
     try:
         while not stop():
-            room = again or len(early) < EARLY * crew.size
-            while not suspects and room and len(waiting) < AHEAD * crew.size:
-                row = again.popleft() if again else next(rest, None)
-                if row is None or not _accepted(crew, row, waiting, again):
-                    break
-            if suspects and not waiting:
-                suspects[0].alone = True
-                _accepted(crew, suspects.popleft(), waiting, suspects)
-            if waiting:
-                finished = _finished(crew, waiting, suspects)
-            elif again or suspects:
+            if len(early) < EARLY * crew.size * handout.rows or handout.again or handout.suspects:
+                handout.fill()
+            if handout.waiting:
+                finished = handout.finished()
+            elif handout.again or handout.suspects:
                 continue
             else:
-                whole = True
                 return
             if not ordered:
                 yield from finished
@@ -125,54 +202,11 @@ def _handed_out(
                 yield early.pop(following)
                 following += 1
     finally:
-        for future in waiting:
+        for future in handout.waiting:
             future.cancel()
-        crew.close(now=not whole)
+        crew.close(now=not handout.ended or bool(handout.waiting or handout.again or handout.suspects))
 
 
-def _accepted(
-    crew: Processes | Elsewhere, row: _Row, waiting: dict[Future[Any], _Row], refused: deque[_Row]
-) -> bool:  # fmt: skip
-    """Submit a row; if the pool is broken, put the row back and, if it has nothing else to tell, replace the pool."""
-    try:
-        waiting[crew.submit(row.item)] = row
-    except BrokenExecutor:
-        if isinstance(crew, Elsewhere):
-            raise
-        refused.appendleft(row)
-        if not waiting:
-            crew.replace()
-        return False
-    return True
-
-
-def _finished(crew: Processes | Elsewhere, waiting: dict[Future[Any], _Row], suspects: deque[_Row]) -> list[Done]:
-    """Wait a moment and take the finished rows out of `waiting`; rows whose worker died become suspects."""
-    ready, _ = wait(waiting, timeout=LOOK, return_when=FIRST_COMPLETED)
-    if isinstance(crew, Processes) and any(_lost(crew, future) for future in ready):
-        ready, _ = wait(waiting)  # the whole pool is broken; what was done before counts
-    finished, dead = list[Done](), list[_Row]()
-    for future in sorted(ready, key=lambda f: waiting[f].index):
-        row = waiting.pop(future)
-        if _lost(crew, future):
-            row.deaths += 1
-            dead.append(row)
-            continue
-        if future.cancelled():
-            raise ArgumentError("its scheduler or its workers were closed before the last row; start them", "executor")
-        reply = future.result()
-        answered, value = pickle.loads(reply) if isinstance(reply, bytes) else reply
-        finished.append(Done(row.index, value) if answered else Done(row.index, error=value))
-    if dead and isinstance(crew, Processes):
-        crew.replace()
-    for row in dead:
-        # a scheduler has counted the deaths, but of all rows that a dying worker was to run
-        if row.alone and (isinstance(crew, Elsewhere) or row.deaths >= DEATHS):
-            finished.append(Done(row.index, error=WorkerDied(_LEFT_OUT)))
-        else:
-            suspects.append(row)
-    return finished
-
-
-def _lost(crew: Processes | Elsewhere, future: Future[Any]) -> bool:
-    return not future.cancelled() and (error := future.exception()) is not None and crew.lost(error)
+def _deaths(crew: Processes | Elsewhere, future: Future[Any]) -> int:
+    error = None if future.cancelled() else future.exception()
+    return 0 if error is None else crew.deaths(error)

@@ -1,25 +1,29 @@
-"""What travels to a worker and back: the task once, then an item and its result as bytes."""
+"""What travels to a worker and back: the task once, then batches of rows and their results as bytes."""
 
 from __future__ import annotations
 
 import hashlib
 import pickle
+import time
 import traceback
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from .._pickling import dumps
 from .._version import __version__
 from ..results.refusal import ArgumentError
 
+DEATHS = 3  # workers that a row may end before it is left out
 KEPT = 4  # tasks that a worker keeps unpacked, with everything that they have compiled
 
 
 class Packed(NamedTuple):
-    """A task as bytes, with the hash under which a worker keeps it and the version of gtmodel that packed it."""
+    """A task as bytes or the path of a file that contains them, with the hash under which a worker keeps it and the
+    version of gtmodel that packed it."""
 
-    content: bytes
+    content: bytes | str
     key: str
     version: str
 
@@ -40,27 +44,48 @@ def packed(task: Callable[[Any], Any]) -> Packed:
 _UNPACKED: OrderedDict[str, Callable[[Any], Any]] = OrderedDict()
 
 
-def run(task: Packed, item: bytes, number: int = 0) -> bytes:
-    """Run the task in a worker and return the pickled reply: True and the result, or False and the error.
+Reply = tuple[bool, Any]  # True and the value, or False and the error
+Replies = tuple[float, list[Any]]  # duration of a batch [s], and the reply to each of its rows
+
+
+def run(task: Packed, items: Sequence[bytes], number: int = 0) -> Replies:
+    """Run the task on the rows of a batch in a worker and return the pickled replies.
 
     `number` only makes two calls with equal items different.
     """
+    begin = time.perf_counter()
+    return _timed(begin, [_sent(_row(task, item)) for item in items])
+
+
+def run_here(task: Callable[[Any], Any], items: Sequence[Any]) -> Replies:
+    """Run the task on the rows of a batch in a thread of this process and return the replies."""
+    begin = time.perf_counter()
+    replies = list[Reply]()
+    for item in items:
+        try:
+            replies.append((True, task(item)))
+        except Exception as error:
+            replies.append((False, error))
+    return _timed(begin, replies)
+
+
+def _timed(begin: float, replies: list[Any]) -> Replies:
+    return time.perf_counter() - begin, replies
+
+
+def _row(task: Packed, item: bytes) -> Reply:
     try:
-        value = unpacked(task)(pickle.loads(item))
+        return True, unpacked(task)(pickle.loads(item))
     except Exception as error:
-        return dumps((False, _portable(error)))
+        return False, _portable(error)
+
+
+def _sent(reply: Reply) -> bytes:
+    """Pickle a reply before the next row runs, which may change arrays that the task uses again."""
     try:
-        return dumps((True, value))
+        return dumps(reply)
     except Exception as error:
         return dumps((False, TypeError(f"the result cannot be sent back ({type(error).__name__}: {error})")))
-
-
-def run_here(task: Callable[[Any], Any], item: Any) -> tuple[bool, Any]:
-    """Run the task in a thread of this process and return the reply."""
-    try:
-        return True, task(item)
-    except Exception as error:
-        return False, error
 
 
 def unpacked(task: Packed) -> Callable[[Any], Any]:
@@ -70,7 +95,8 @@ def unpacked(task: Packed) -> Callable[[Any], Any]:
             f"this worker has gtmodel {__version__}, but the task comes from {task.version}; install one version on all"
         )
     if task.key not in _UNPACKED:
-        _UNPACKED[task.key] = pickle.loads(task.content)
+        content = task.content if isinstance(task.content, bytes) else Path(task.content).read_bytes()
+        _UNPACKED[task.key] = pickle.loads(content)
         while len(_UNPACKED) > KEPT:
             _UNPACKED.popitem(last=False)
     return _UNPACKED[task.key]

@@ -46,9 +46,13 @@ def test_a_row_that_kills_three_workers_is_left_out(tmp_path: Path) -> None:
 @needs_signals
 def test_on_a_cluster_only_the_row_that_kills_its_workers_is_left_out(tmp_path: Path) -> None:
     distributed: Any = pytest.importorskip("distributed", reason="needs the extra cluster")
-    cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
-    with cluster, distributed.Client(cluster) as client:
-        found = list(each(partial(kills_always, tmp_path), range(6), executor=client))
+    import dask
+
+    # one death is enough: to start a worker again takes seconds
+    with dask.config.set({"distributed.scheduler.allowed-failures": 0}):
+        cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
+        with cluster, distributed.Client(cluster) as client:
+            found = list(each(partial(kills_always, tmp_path), range(6), executor=client))
     assert [done.value for done in found] == [0, 1, None, 3, 4, 5]
     assert isinstance(found[2].error, WorkerDied)
 

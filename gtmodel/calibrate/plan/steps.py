@@ -19,6 +19,7 @@ from ...lang import ModelError
 from ...results import ArgumentError, Status, naming
 from ...robots.f1 import LINK_ENDS, link_guideways
 from ...robots.links import family_of
+from ...workers.mapped import mapped
 from ..calibration import calibrate
 from ..pose_information import PoseInformation, pose_information
 from ..pose_selection import Candidates, candidates, condition_removal, exchange, regular_grid, require_enough
@@ -379,16 +380,20 @@ def simulate(plan: PlanState, stop: Stop) -> None:
     ready: CalibrationProblem = plan.measuring.prepared(plan.poses)
     u = ready.unknowns
     scale = np.array([options.start_error] * len(u.names))
-    errors, lost = [], 0
-    for k, seed in enumerate(np.random.SeedSequence(options.seed).spawn(options.runs)):
-        if stop("simulated calibration", k / options.runs):
-            raise Stopped
+
+    def simulated(seed: np.random.SeedSequence) -> Array | None:
         rng = np.random.default_rng(seed)
         off = sizes * (basis @ (basis.T @ (scale * rng.standard_normal(len(scale)) / sizes)))
-        noisy = plan.measuring.noisy(ready.measurements, rng)
+        noisy = measuring.noisy(ready.measurements, rng)
         c = calibrate(ready.on(noisy), cost="orthogonal", start=u.named(u.start + off))
-        if c.status.ok and np.all(np.isfinite(c.x)):
-            errors.append(c.x - u.start)
-        else:
-            lost += 1
-    plan.errors, plan.lost = np.array(errors).reshape(-1, len(u.names)), lost
+        return c.x - u.start if c.status.ok and np.all(np.isfinite(c.x)) else None
+
+    measuring, seeds = plan.measuring, np.random.SeedSequence(options.seed).spawn(options.runs)
+    runs = mapped(simulated, seeds)
+    ended: list[Array | None] = []
+    for k in range(options.runs):
+        if stop("simulated calibration", k / options.runs):
+            raise Stopped
+        ended.append(next(runs))
+    errors = [error for error in ended if error is not None]
+    plan.errors, plan.lost = np.array(errors).reshape(-1, len(u.names)), len(ended) - len(errors)

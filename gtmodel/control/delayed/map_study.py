@@ -14,6 +14,7 @@ from ..._lazy import hint
 from ...results import ArgumentError, SolveStatus, Work
 from ...results.table import csv_text
 from ...results.work import WorkOptions, study_function
+from ...workers.mapped import mapped
 from .command_step import command_response, fit_command_step
 from .limit import gain_limit, recommended_gain
 from .loop import DelayedLoop
@@ -147,7 +148,12 @@ def _log_limit_of_one(
     for values, step in ((log_w, TABLE_STEP), (log_zeta, 5 * TABLE_STEP)):
         low, high = float(values.min()) - TABLE_EDGE, float(values.max()) + TABLE_EDGE
         axes.append(np.linspace(low, high, max(4, 2 + int((high - low) / step))))
-    table = np.array([[exact(float(w), float(z)) for z in np.exp(axes[1])] for w in np.exp(axes[0])])
+    dampings = np.exp(axes[1]).tolist()
+
+    def row(w: float) -> list[float]:
+        return [exact(w, z) for z in dampings]
+
+    table = np.array(list(mapped(row, np.exp(axes[0]).tolist())))
     interpolate = scipy.interpolate.RegularGridInterpolator(axes, table, method="linear")
     return interpolate(np.stack([log_w, log_zeta], axis=-1))
 

@@ -18,6 +18,7 @@ from ...optimize.multistart import ReachedOptima
 from ...results import ArgumentError, SolveStatus, Trajectory, Work, at_most, naming
 from ...results.trajectory_files import TRAJECTORY
 from ...results.work import WorkOptions, study_function
+from ...workers.mapped import mapped
 from .basis import FourierSeries
 from .information import condition, predicted_deviations, singular_values
 from .options import ExcitationSearch, ExcitationStudy, Family, IdentificationExperiment, MonteCarloFits, RandomMotions
@@ -220,16 +221,23 @@ def excitation_study(
     conditions = np.array([condition(W, nominal) for W in stacks])
     order = np.argsort(conditions, kind="stable")
     starts = [*first_starts, *(draws[k] for k in order[: search.starts])]
-    runs = [
-        optimise_excitation(
-            plan.task,
-            c,
-            max_iterations=search.max_iterations,
-            max_seconds=work.seconds_left(),
-            progress=work.iterations(f"optimising, start {n} of {len(starts)}"),
+
+    def optimised(item: tuple[int, Array]) -> Excitation:
+        return optimise_excitation(task, item[1], max_iterations=most, max_seconds=seconds)
+
+    def here(item: tuple[int, Array]) -> Excitation:
+        return optimise_excitation(
+            task, item[1], max_iterations=most, max_seconds=work.seconds_left(),
+            progress=work.iterations(f"optimising, start {item[0]} of {len(starts)}"),
+        )  # fmt: skip
+
+    task, most, seconds = plan.task, search.max_iterations, work.seconds_left()
+    work.progress(f"optimising from {len(starts)} starts")
+    runs = list(mapped(optimised, enumerate(starts, 1), here=here, waiting=work.interrupted))
+    if not runs:
+        return ExcitationStudy(
+            status=SolveStatus.INTERRUPTED, title=title, message="stopped before the first start was optimised"
         )
-        for n, c in enumerate(starts, 1)
-    ]
     best = min(runs, key=lambda e: e.objective)
     first = int(order[0])
     W = plan.task.stacked(best.c, times, plan.sharp)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from typing import Literal
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from ...geometry.rotations import right_handed
 from ...results import Status
+from ...workers.mapped import mapped
 
 Array = np.ndarray
 
@@ -340,16 +342,22 @@ def map_errors(
     n = len(T)
     error, faces = np.full(n, np.nan), np.full((n, 3), np.nan)
     status = np.full(n, Status.NOT_FINITE)
-    for begin in range(0, n, chunk):
-        rows = slice(begin, min(begin + chunk, n))
-        a, code = base_points(T[rows])
-        corners, corner_status = case.corners(a, T[rows])
-        status[rows] = np.where(code != Status.OK, code, corner_status)
-        good = status[rows] == Status.OK
-        error[rows] = np.where(good, largest(corners), np.nan)
-        u = T[rows][good][:, None] - a[good]
-        u /= np.linalg.norm(u, axis=2, keepdims=True)
-        faces[np.arange(n)[rows][good]] = parallelepiped(u, case.half_widths(u)).faces
+    slices = [slice(begin, min(begin + chunk, n)) for begin in range(0, n, chunk)]
+    parts = mapped(partial(_errors, case, base_points), (T[rows] for rows in slices))
+    for rows, part in zip(slices, parts, strict=True):
+        error[rows], faces[rows], status[rows] = part
         if progress is not None and progress(rows.stop / n) and rows.stop < n:
             return ErrorMap(error, faces, status, complete=False)
     return ErrorMap(error, faces, status, complete=True)
+
+
+def _errors(case: ErrorCase, base_points: Callable[[Array], tuple[Array, Array]], T: Array) -> tuple[Array, ...]:
+    """Return error (k,), face areas (k, 3) and codes (k,) at some points."""
+    a, code = base_points(T)
+    corners, corner_status = case.corners(a, T)
+    status, faces = np.where(code != Status.OK, code, corner_status), np.full((len(T), 3), np.nan)
+    good = status == Status.OK
+    u = T[good][:, None] - a[good]
+    u /= np.linalg.norm(u, axis=2, keepdims=True)
+    faces[good] = parallelepiped(u, case.half_widths(u)).faces
+    return np.where(good, largest(corners), np.nan), faces, status

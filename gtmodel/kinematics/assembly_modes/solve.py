@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ...lang.source import ModelError
 from ...results.status import ModesStatus
+from ...workers.mapped import mapped
 from .modes import AssemblyModes, Certificate, modes_of, without_modes
 from .platform import Legs, ScaledLegs, architecturally_singular, fault, read_legs, scale, straight_line
 from .sorting import ModesSearch, sort_endpoints
@@ -86,15 +88,16 @@ def assembly_modes_batch(
 def _solve(legs: Legs, systems: tuple[StartSystem, ...] | None, progress: Progress | None) -> list[AssemblyModes]:
     systems = start_systems() if systems is None else systems
     results: list[AssemblyModes] = []
-    for first in range(0, len(legs), POSES_AT_ONCE):
-        results += _solve_some(legs[first : first + POSES_AT_ONCE], systems)
+    parts = (legs[first : first + POSES_AT_ONCE] for first in range(0, len(legs), POSES_AT_ONCE))
+    for part in mapped(partial(_solve_some, systems), parts):
+        results += part
         if progress is not None and progress(len(results), len(legs)):
             break
     stopped = without_modes(ModesStatus.INTERRUPTED, ModesStatus.INTERRUPTED.message, np.nan, Certificate())
     return results + [stopped] * (len(legs) - len(results))
 
 
-def _solve_some(legs: Legs, systems: tuple[StartSystem, ...]) -> list[AssemblyModes]:
+def _solve_some(systems: tuple[StartSystem, ...], legs: Legs) -> list[AssemblyModes]:
     """Return the results of a few poses, tracked together."""
     results: dict[int, AssemblyModes] = {}
     for i in range(len(legs)):

@@ -17,6 +17,7 @@ from ...results import ArgumentError, SolveStatus, Status, Work
 from ...results.agreement import AnyNumber
 from ...results.refusal import naming
 from ...results.work import WorkOptions, study_function
+from ...workers.mapped import mapped
 from ..orientation import OrientationMap, grid
 from . import point_table
 from .options import INCONSISTENT, NOT_COMPUTED, CausalityStudy, Orientation, PointGrid, words_of
@@ -258,17 +259,22 @@ def _evaluate(
     rows = len(inputs[0])
     targets = [np.full((rows, *s.shape), np.nan) for s in function.outputs]
     codes = np.full(rows, -1)
-    for first in range(0, rows, CHUNK):
+    parts = [slice(first, min(first + CHUNK, rows)) for first in range(0, rows, CHUNK)]
+    rows_of_parts = mapped(partial(_rows, function), ([a[part] for a in inputs] for part in parts))
+    for part in parts:
         if work.interrupted():
             break
-        work.progress("points", first / rows, {"row": float(first)})
-        part = slice(first, min(first + CHUNK, rows))
-        *outputs, status = function(*[a[part] for a in inputs])
+        work.progress("points", part.start / rows, {"row": float(part.start)})
+        *outputs, status = next(rows_of_parts)
         for target, values in zip(targets, outputs, strict=True):
             target[part] = values
         broken = conditions.broken([a[part] for a in inputs]) & (status != Status.OK) & (status != Status.NOT_FINITE)
         codes[part] = np.where(broken, -2, status)
     return targets, codes
+
+
+def _rows(function: CausalFunction, inputs: list[Array]) -> tuple[Array, ...]:
+    return function(*inputs)
 
 
 def _study_of(

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...lang import Model
 from ...results import ArgumentError, Status
+from ...workers.mapped import mapped
 from ..mechanism import Array, InverseKinematics, Mechanism, mechanism_of
 from ..section import CrossSection, Grid, SectionPlane, refuse_disordered
 from .clearance import FrameClearance, LinkClearance, Obstacles
@@ -21,8 +22,6 @@ REACHABLE = 0
 FIRST_LIMIT = 64  # smaller codes are those of `Status`; code FIRST_LIMIT + k is limit k
 # rows evaluated together: about 10 MB of poses and margins for any grid
 CHUNK = 16384
-# chunks sent to a cluster before the results are collected
-WINDOW = 64
 
 
 class Reach:
@@ -126,15 +125,12 @@ def map_grid(
     grid: Grid,
     *,
     chunk: int = CHUNK,
-    client: Any = None,
     progress: Callable[[float], bool] | None = None,
 ) -> ReachMap:
     """Return the codes of all points of a grid, evaluated in chunks that limit the memory.
 
     Args:
         chunk: points per chunk.
-        client: of a cluster, such as `dask.distributed.Client`: any object with `map(function, items)`, which returns
-            futures, and `gather(futures)`. At most WINDOW chunks are submitted together. Default: this process.
         progress: called with the completed fraction; if it returns True, the work stops.
 
     The L1 in a block near its home, with carts that move within +-1 m:
@@ -147,16 +143,10 @@ def map_grid(
     {'reachable': 46, 'outside the actuator limits': 6}
     """
     codes = np.full(grid.size, NOT_LOOKED_AT, dtype=np.uint8)
-    work = partial(_codes, reach, grid)
-    batch = 1 if client is None else WINDOW
-    for first in range(0, grid.size, batch * chunk):
-        begins = range(first, min(first + batch * chunk, grid.size), chunk)
-        spans = [(begin, min(begin + chunk, grid.size)) for begin in begins]
-        parts = [work(span) for span in spans] if client is None else client.gather(client.map(work, spans))
-        for (begin, end), part in zip(spans, parts, strict=True):
-            codes[begin:end] = part
-        done = spans[-1][1]
-        if progress is not None and progress(done / grid.size) and done < grid.size:
+    spans = [(begin, min(begin + chunk, grid.size)) for begin in range(0, grid.size, chunk)]
+    for (begin, end), part in zip(spans, mapped(partial(_codes, reach, grid), spans), strict=True):
+        codes[begin:end] = part
+        if progress is not None and progress(end / grid.size) and end < grid.size:
             return ReachMap(grid, codes.reshape(grid.shape), complete=False)
     return ReachMap(grid, codes.reshape(grid.shape))
 

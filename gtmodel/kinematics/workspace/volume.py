@@ -5,11 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from ...linear.roots import bisected
+from ...workers.mapped import mapped
 from ..section import SectionPlane, section_grid
 from .options import MOST_SECTIONS
 from .reach import CHUNK, Reach, ReachMap, map_grid
@@ -244,7 +246,6 @@ def map_section(
     step: float,
     *,
     chunk: int = CHUNK,
-    client: Any = None,
     progress: Progress | None = None,
 ) -> SectionMap:
     """Return the workspace within low <= (u, v) <= high [m] of a section, on a grid with `step` [m]; see `map_grid`.
@@ -259,7 +260,7 @@ def map_section(
     3.34
     """
     grid = section_grid(section, low, high, step)
-    reach_map: ReachMap = map_grid(reach, grid, chunk=chunk, client=client, progress=progress)
+    reach_map: ReachMap = map_grid(reach, grid, chunk=chunk, progress=progress)
     u, v = grid.coordinates
     area = region(lambda uv: reach.inside(section.points(uv)), u, v, reach_map.reachable)
     return SectionMap(section, u, v, reach_map.codes, area, reach_map.complete)
@@ -277,7 +278,6 @@ def map_volume(
     most: int = MOST_SECTIONS,
     coarse: bool = False,
     chunk: int = CHUNK,
-    client: Any = None,
     progress: Progress | None = None,
 ) -> Volume:
     """Return the workspace between the first and the last of the sections at `along` (n,) [m] on the section's normal.
@@ -307,21 +307,18 @@ def map_volume(
         initial = sorted({*initial, 0.0})
     stopped = False
 
-    def add(position: float) -> None:
+    sized = partial(_sized, reach, section, low, high, step, chunk, coarse)
+
+    def add(position: float, size: _Size) -> None:
         nonlocal stopped
-        plane = section.moved(position)
-        section_map = map_section(reach, plane, low, high, step, chunk=chunk, client=client)
-        rough = np.nan
-        if coarse:
-            rough = map_section(reach, plane, low, high, 2 * step, chunk=chunk, client=client).region.area
-        areas[position] = section_map.region.area, rough
-        edges.append(section_map.region.on_edge)
-        for reason, n in reach.counts(section_map.codes).items():
+        areas[position] = size.area, size.rough
+        edges.append(size.on_edge)
+        for reason, n in size.counts.items():
             counts[reason] = counts.get(reason, 0) + n
         stopped = progress is not None and progress(min(len(areas) / max(len(initial), 1), 1.0))
 
-    for k, position in enumerate(initial):
-        add(position)
+    for k, (position, size) in enumerate(zip(initial, mapped(sized, initial), strict=True)):
+        add(position, size)
         if stopped and k + 1 < len(initial):
             break
     else:
@@ -344,7 +341,8 @@ def map_volume(
         else:
             local = gaps
         k = int(np.argmax(local))
-        add(float((positions[k] + positions[k + 1]) / 2))
+        position = float((positions[k] + positions[k + 1]) / 2)
+        add(position, sized(position))
         complete = not stopped
     positions = np.array(sorted(areas))
     sizes, rough = (np.array([areas[x][n] for x in positions]) for n in (0, 1))
@@ -363,6 +361,24 @@ def map_volume(
         counts,
         complete,
     )
+
+
+class _Size(NamedTuple):
+    """Area of a section, the same from a grid with the double step, and what else a volume needs of it."""
+
+    area: float
+    rough: float
+    on_edge: bool
+    counts: dict[str, int]
+
+
+def _sized(
+    reach: Reach, section: SectionPlane, low: Array, high: Array, step: float, chunk: int, coarse: bool, position: float
+) -> _Size:  # fmt: skip
+    plane = section.moved(position)
+    fine = map_section(reach, plane, low, high, step, chunk=chunk)
+    rough = map_section(reach, plane, low, high, 2 * step, chunk=chunk).region.area if coarse else np.nan
+    return _Size(fine.region.area, rough, fine.region.on_edge, reach.counts(fine.codes))
 
 
 def _error(along: Array, areas: Array) -> float:

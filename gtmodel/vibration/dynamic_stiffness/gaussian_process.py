@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 
 from ...results.estimate import half_width
-from ...workers.each import each
+from ...workers.mapped import mapped
 
 Shape = Literal["squared_exponential", "matern_5_2"]
 
@@ -294,15 +294,14 @@ def parameters_of(processes: Sequence[GaussianProcess]) -> np.ndarray:
 
 
 def held_out(
-    processes: Sequence[GaussianProcess], folds: int = FOLDS, *, seed: int = 0, workers: int | None = 0,
-    executor: Any = None,
+    processes: Sequence[GaussianProcess], folds: int = FOLDS, *, seed: int = 0
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Return errors and standard deviations (p, n) of measurements from processes fitted without them.
 
     Unlike leave_one_out(), hyperparameters are fitted without the held-out data too, starting from those of all data.
-    All measurements at one pose are held out together, because a repetition would leak the answer. `workers`,
-    `executor`: where the folds are fitted, see `gt.workers.each`. Raises ValueError if too few different poses were
-    measured to hold out one.
+    All measurements at one pose are held out together, because a repetition would leak the answer. Folds run in the
+    workers of the study or of `gt.workers.using`. Raises ValueError if too few different poses were measured to hold
+    out one.
 
     >>> poses = np.linspace(0.0, 3.0, 12)[:, None]
     >>> inputs = gt.vibration.KernelInputs(scale=(1.0,), periodic=(False,))
@@ -324,10 +323,8 @@ def held_out(
     groups = np.array_split(order, folds)
     parts = [np.concatenate([np.flatnonzero(places == g) for g in group]) for group in groups]
     fold = partial(_predicted_without, first.X, Y, first.inputs, first.shape, start)
-    for part, done in zip(parts, each(fold, parts, workers=workers, executor=executor), strict=True):
-        if done.error is not None:
-            raise done.error
-        means, stds[:, part] = done.value
+    for part, (means, deviations) in zip(parts, mapped(fold, parts), strict=True):
+        stds[:, part] = deviations
         errors[:, part] = Y[:, part] - means
     return errors, stds
 
