@@ -221,6 +221,7 @@ def solve(
     with held(out, context) as folder:
         outcome = noted(answer(loaded, context), context)
         wall_s = time.monotonic() - context.began
+        outcome = written.illustrated(outcome) if plot else outcome
         outcome = for_machines(outcome, _FAILED if write_failed else "", _FAILED)
         try:
             files = write(folder, loaded, context, outcome, wall_s=wall_s, plot=plot)

@@ -40,7 +40,7 @@ def packed(task: Callable[[Any], Any]) -> Packed:
 _UNPACKED: OrderedDict[str, Callable[[Any], Any]] = OrderedDict()
 
 
-def run(task: Packed, item: bytes, number: int = 0) -> bytes:  # noqa: ARG001
+def run(task: Packed, item: bytes, number: int = 0) -> bytes:
     """Run the task in a worker and return the pickled reply: True and the result, or False and the error.
 
     `number` only makes two calls with equal items different.
