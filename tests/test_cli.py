@@ -270,7 +270,7 @@ def test_codegen_stops_between_its_steps(
 
 @pytest.mark.parametrize("problem", ["pendulum_code.toml", "slider_code.toml"])
 def test_codegen_checks_own_models(gtmodel: Commands, here: Path, problem: str) -> None:
-    done = gtmodel("codegen", problem, "-o", "code", "--check", "--json", "--set", "check.points=50")
+    done = gtmodel("codegen", problem, "-o", "code", "--costs", "--json", "--set", "check.points=50")
     assert done.code == 0, done.err
     assert list(done.json) == JSON_KEYS
     assert done.json["checks"] and all(check["passed"] for check in done.json["checks"].values())

@@ -32,8 +32,8 @@ def densified(f: ca.Function) -> ca.Function:
 class BoundFunction:
     """A function with dense arguments and results on a fixed number of rows, in memory of its own.
 
-    `run()` evaluates `arguments`, arrays (rows, size), into `results`, arrays (rows, entries); `given` and `got` are the
-    memory of all arguments and of all results.
+    `run()` evaluates `arguments`, arrays (rows, size), into `results`, arrays (rows, entries). All of them together are
+    `given` and `got`.
     """
 
     def __init__(self, f: ca.Function, rows: int = 1) -> None:
