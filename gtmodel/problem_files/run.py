@@ -241,8 +241,7 @@ def generate(
 ) -> Finished:  # fmt: skip
     """Generate the code of a problem. With `verify` and without `write_failed`, write it only if it passed all checks.
 
-    fmu: write units of that version instead. costs: with `verify`, also measure the code. Raises InputError for a kind
-    that generates no code.
+    fmu: write units of that version instead. costs: with `verify`, measure the code. Raises InputError for other kinds.
     """
     if not isinstance(loaded.kind, Generating):
         raise InputError(f"is '{loaded.problem.kind}', which generates no code; use gtmodel solve", "kind")
