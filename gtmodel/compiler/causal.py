@@ -417,16 +417,16 @@ class CausalFunction(Portable):
                 raise TypeError(
                     f"{self.name}: '{name}' must be numbers of shape {shape} or (n, ...); found {shortened(value)}"
                 ) from None
-            found = a.shape
-            if found == shape:
+            given = a.shape
+            if given == shape:
                 columns.append(a.reshape(size, 1))
-            elif found[1:] == shape and a.ndim == len(shape) + 1:
-                if rows is not None and rows != found[0]:
-                    raise TypeError(f"{self.name}: '{name}' has {found[0]} rows, another argument has {rows}")
-                rows = found[0]
+            elif given[1:] == shape and a.ndim == len(shape) + 1:
+                if rows is not None and rows != given[0]:
+                    raise TypeError(f"{self.name}: '{name}' has {given[0]} rows, another argument has {rows}")
+                rows = given[0]
                 columns.append(a.reshape(rows, size).T)
             else:
-                raise TypeError(f"{self.name}: '{name}' must have shape {shape} or (n, ...); found {found}")
+                raise TypeError(f"{self.name}: '{name}' must have shape {shape} or (n, ...); found {given}")
         if rows is not None:
             columns = [c if c.shape[1] == rows else np.broadcast_to(c, (len(c), rows)) for c in columns]
         return columns, rows
