@@ -355,6 +355,9 @@ def codegen(
         Path, typer.Option("-o", "--out", metavar="DIR", help="Folder to write the code into.", callback=_folder)
     ],
     check: Annotated[bool, typer.Option("--check", help="Compile the code and compare it with Python.")] = False,
+    costs: Annotated[
+        bool, typer.Option("--costs", help="Check, and measure machine code, stack and instructions of each function.")
+    ] = False,
     fmu: Annotated[
         str | None,
         typer.Option("--fmu", metavar="3|2|both", help="Write functional mock-up units of FMI 3.0, 2.0 or both."),
@@ -372,7 +375,9 @@ def codegen(
         loaded = _load(problem, settings, answer)
         job = run.context_of(loaded)
         with terminal.watching(job, "stopping after this step", quiet=quiet):
-            answer.finished = run.generate(loaded, job, out, verify=check, write_failed=write_failed, fmu=fmu)
+            answer.finished = run.generate(
+                loaded, job, out, verify=check or costs, write_failed=write_failed, fmu=fmu, costs=costs
+            )
 
 
 @app.command()

@@ -1,6 +1,6 @@
 """C code from causal functions: a folder that compiles as it is, and its comparison with Python.
 
-study         generate, compare with Python, count costs and write, in one call -> CodeStudy
+study         generate, compare with Python and write, on request count costs, in one call -> CodeStudy
 Verification  options of the comparison
 
 StepFunction  a function with a state that runs once in a cycle

@@ -31,7 +31,7 @@ class Verification(Options):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CodeStudy(Study):
-    """Generated files and their costs. Costs are counted only if the code was compared with Python.
+    """Generated files, and their costs if they were asked for.
 
     real: number type in C, "double" or "float". notes: costs that could not be counted, with the reason.
     """
@@ -47,15 +47,15 @@ class CodeStudy(Study):
         Counts | None, Quantity("", "operations and calls of libm in one evaluation of each body")
     ] = None  # fmt: skip
     points: Annotated[int | None, Quantity("", "with --check: number of random inputs compared per function")] = None
-    text_bytes: Annotated[Counts | None, Quantity("", "with --check: machine code of each function at -O2")] = None
+    text_bytes: Annotated[Counts | None, Quantity("", "with --costs: machine code of each function at -O2")] = None
     newton_bytes: Annotated[
-        Counts | None, Quantity("", "with --check: of it the Newton blocks and their guards")
+        Counts | None, Quantity("", "with --costs: of it the Newton blocks and their guards")
     ] = None  # fmt: skip
-    stack_bytes: Annotated[Counts | None, Quantity("", "with --check: stack of a call")] = None
+    stack_bytes: Annotated[Counts | None, Quantity("", "with --costs: stack of a call")] = None
     instructions: Annotated[
-        Counts | None, Quantity("", "with --check: instructions of a call with its guards, counted by callgrind")
+        Counts | None, Quantity("", "with --costs: instructions of a call with its guards, counted by callgrind")
     ] = None  # fmt: skip
-    symbols: Annotated[Sequence[str] | None, Quantity("", "with --check: what the folder defines for others")] = None
+    symbols: Annotated[Sequence[str] | None, Quantity("", "with --costs: what the folder defines for others")] = None
 
     @property
     def values(self) -> Mapping[str, Any]:

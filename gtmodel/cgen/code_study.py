@@ -1,4 +1,4 @@
-"""The study of generated code: a folder of C, compared with Python before it is written, and its costs."""
+"""The study of generated code: a folder of C, compared with Python before it is written, and its costs on request."""
 
 from __future__ import annotations
 
@@ -38,6 +38,7 @@ def study(
     box: Mapping[str, Sequence[Sequence[float]]] | None = None,
     along: Collection[str] = (),
     check: Verification | None = COMPARED,
+    costs: bool = False,
     provenance: Mapping[str, str] | None = None,
     problem: Mapping[str, Any] | None = None,
     also: Mapping[str, Check] | None = None,
@@ -45,13 +46,15 @@ def study(
     by: str = "write_failed=True",
     **work_options: Unpack[WorkOptions],
 ) -> CodeStudy:
-    """C code of causal functions: generated, compiled and compared with Python, its costs counted, then written.
+    """C code of causal functions: generated, compiled and compared with Python, then written.
 
     Args:
         functions: causal functions and step functions by Python name, see `generate`.
         folder: a new or empty one, or one that gtmodel generated; or such a folder already locked, see `folder.held`.
         name, real, box, along, provenance, problem: see `generate`.
         check: options of the comparison; None: write the code without compiling it.
+        costs: after the comparison, also measure machine code, stack and instructions, into costs.json; this takes
+            longer than the comparison.
         also: further checks that must pass, for example of the data from which the functions were made.
         write_failed: also write code that failed a check, with a mark in its first lines.
         by: name of this option for the user, for messages.
@@ -90,7 +93,7 @@ def study(
         else:
             with scratch(_PREFIX) as temporary:
                 code = temporary / "code"
-                outcome, cost = _compared(make(code), code, functions, check, work)
+                outcome, cost = _compared(make(code), code, functions, check, costs, work)
             outcome = outcome.with_(folder=str(locked.path))
         outcome = outcome.judged(checks)
         if not outcome.status.ok and not write_failed:
@@ -119,9 +122,10 @@ def _compared(
     scratch: Path,
     functions: Mapping[str, CausalFunction | StepFunction],
     check: Verification,
+    costs: bool,
     work: Work,
 ) -> tuple[CodeStudy, Costs | None]:
-    """Compare the code in its scratch folder with Python. Returns the study, and the costs if they were counted."""
+    """Compare the code in its scratch folder with Python. Returns the study, and the costs if they are asked for."""
     if work.interrupted():
         return _stopped(generated, "generated, but not checked"), None
     work.progress("compiling and comparing")
@@ -129,20 +133,21 @@ def _compared(
         report = against_python.check(scratch, functions, points=check.points, seed=check.seed)
     except GenerationError as error:
         return generated.with_(status=SolveStatus.FAILED, message=str(error)), None
-    if work.interrupted() and report.passed:
+    if costs and work.interrupted() and report.passed:
         return _stopped(generated, "generated and compared with Python, but costs were not counted"), None
-    work.progress("counting")
-    cost = measurement.costs(scratch, functions)
     compared = generated.with_(
         status=SolveStatus.SOLVED if report.passed or report.checks else SolveStatus.FAILED,
         message=report.message,
         checks=report.checks,
-        written=sorted([*(generated.written or ()), COSTS]),
         points=check.points,
-        notes=[cost.missing] if cost.missing else [],
-        **{name: value for name, value in vars(cost).items() if name != "missing"},
     )
-    return compared, cost
+    if not costs:
+        return compared, None
+    work.progress("counting")
+    cost = measurement.costs(scratch, functions)
+    counted = {name: value for name, value in vars(cost).items() if name != "missing"}
+    files = sorted([*(generated.written or ()), COSTS])
+    return compared.with_(written=files, notes=[cost.missing] if cost.missing else [], **counted), cost
 
 
 def _stopped(outcome: CodeStudy, done: str) -> CodeStudy:

@@ -28,7 +28,7 @@ from .flat import FlatModel
 from .flat_cache import flat_of
 from .newton import NewtonKernel
 from .plan import CausalPlan, make_plan
-from .rows import PIVOT_TOLERANCE, judged_columns, map_columns, status_codes
+from .rows import PIVOT_TOLERANCE, JudgedFunction, map_columns
 
 Pair = tuple[int, int]
 Group = tuple[str, tuple[int, ...], list[int]]
@@ -216,12 +216,11 @@ class CausalFunction(Portable):
         columns, rows = self._columns(arguments)
         guesses = self._guesses(guess, columns) if guess else None
         results, status = self._evaluate(columns, guesses, answers=True)
-        values = [r.T for r in results]
-        shaped = [v.reshape(v.shape[0], *s.shape) for v, s in zip(values, self.outputs, strict=True)]
         if rows is None:
-            return (*(v[0] if s.shape else float(v[0]) for v, s in zip(shaped, self.outputs, strict=True)),
-                    Status(int(status[0])))  # fmt: skip
-        return (*shaped, status)
+            values = [r.reshape(s.shape) if s.shape else float(r[0, 0])
+                      for r, s in zip(results, self.outputs, strict=True)]  # fmt: skip
+            return (*values, Status(code) if (code := int(status[0])) else Status.OK)
+        return (*(r.T.reshape(rows, *s.shape) for r, s in zip(results, self.outputs, strict=True)), status)
 
     def compile(self) -> bool:
         """Compile machine code for calls on many rows, or load it from the cache folder; False without a C compiler.
@@ -321,14 +320,18 @@ class CausalFunction(Portable):
     ) -> tuple[list[np.ndarray], np.ndarray]:
         """Return targets and margins as columns, and status codes; answers: no margins, and NaN without a solution."""
         zs, iteration = self._unknowns(columns, guesses) if self._built.kernels else ([], None)
-        return judged_columns(self._built.closed, columns, self.margins, self.sizes, zs, iteration, answers)
+        return self._judged(columns, zs, iteration, answers)
+
+    @cached_property
+    def _judged(self) -> JudgedFunction:
+        return JudgedFunction(self.closed, self.margins, self.sizes)
 
     def status(
         self, columns: list[np.ndarray], results: list[np.ndarray], iteration: np.ndarray | None = None
     ) -> np.ndarray:
         """Return the status code of each column, from the inputs, the `iteration` codes, margins and outputs; the first
         cause counts."""
-        return status_codes(self.margins, columns, results, iteration, sizes=self.sizes)
+        return self._judged.codes(columns, results, iteration)
 
     def diagnose(self, *arguments: Any) -> str:
         """Return one sentence about a single call: ok, or which root or pivot failed and by how much."""
@@ -392,36 +395,40 @@ class CausalFunction(Portable):
             f"{self.sizes.limits[n]:.4g} round-off reaches the lengths in the model; check its unit"
         )
 
+    @cached_property
+    def _expected(self) -> list[tuple[str, tuple[int, ...], int]]:
+        """Name, shape and number of entries of each argument."""
+        expected = [(s.name, s.shape, s.size) for s in self.inputs]
+        return [*expected, ("time", (), 1)] if self.plan.uses_time else expected
+
     def _columns(self, arguments: Sequence[Any]) -> tuple[list[np.ndarray], int | None]:
-        expected = [(s.name, s.shape) for s in self.inputs]
-        if self.plan.uses_time:
-            expected.append(("time", ()))
+        """Return the arguments as columns (entries, n), and n; None for a single call."""
+        expected = self._expected
         if len(arguments) != len(expected):
-            names = ", ".join(n for n, _ in expected)
+            names = ", ".join(n for n, _, _ in expected)
             plural = "" if len(expected) == 1 else "s"
             raise TypeError(f"{self.name} takes {len(expected)} argument{plural} ({names}); found {len(arguments)}")
         rows: int | None = None
-        arrays = []
-        for (name, shape), value in zip(expected, arguments, strict=True):
+        columns: list[np.ndarray] = []
+        for (name, shape, size), value in zip(expected, arguments, strict=True):
             try:
                 a = np.asarray(value, dtype=float)
             except (TypeError, ValueError):
                 raise TypeError(
                     f"{self.name}: '{name}' must be numbers of shape {shape} or (n, ...); found {shortened(value)}"
                 ) from None
-            if a.ndim == len(shape) + 1 and a.shape[1:] == shape:
-                if rows is not None and rows != a.shape[0]:
-                    raise TypeError(f"{self.name}: '{name}' has {a.shape[0]} rows, another argument has {rows}")
-                rows = a.shape[0]
-            elif a.shape != shape:
-                raise TypeError(f"{self.name}: '{name}' must have shape {shape} or (n, ...); found {a.shape}")
-            arrays.append((a, shape))
-        n = 1 if rows is None else rows
-        columns = []
-        for a, shape in arrays:
-            size = int(np.prod(shape, dtype=int))
-            flat = a.reshape(-1, size) if a.ndim > len(shape) else np.broadcast_to(a.reshape(1, size), (n, size))
-            columns.append(flat.T)
+            given = a.shape
+            if given == shape:
+                columns.append(a.reshape(size, 1))
+            elif given[1:] == shape and a.ndim == len(shape) + 1:
+                if rows is not None and rows != given[0]:
+                    raise TypeError(f"{self.name}: '{name}' has {given[0]} rows, another argument has {rows}")
+                rows = given[0]
+                columns.append(a.reshape(rows, size).T)
+            else:
+                raise TypeError(f"{self.name}: '{name}' must have shape {shape} or (n, ...); found {given}")
+        if rows is not None:
+            columns = [c if c.shape[1] == rows else np.broadcast_to(c, (len(c), rows)) for c in columns]
         return columns, rows
 
     def explain(self, full: bool = True) -> str:

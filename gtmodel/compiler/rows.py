@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from threading import Lock
@@ -13,7 +14,7 @@ import numpy as np
 from ..lang.source import ModelError
 from ..results.status import Status
 from .blocks import VERDICTS
-from .columns.kernel import kernel_of
+from .columns.kernel import FEWEST, kernel_of
 
 if TYPE_CHECKING:
     from .analysis.sizes import Sizes
@@ -28,6 +29,34 @@ def densified(f: ca.Function) -> ca.Function:
     return ca.Function(f.name(), symbols, [ca.densify(r) for r in f.call(symbols)])
 
 
+class BoundFunction:
+    """A function with dense arguments and results on a fixed number of rows, in memory of its own.
+
+    `run()` evaluates `arguments`, arrays (rows, size), into `results`, arrays (rows, entries). All of them together are
+    `given` and `got`.
+    """
+
+    def __init__(self, f: ca.Function, rows: int = 1) -> None:
+        self.shapes = [f.size_out(k) for k in range(f.n_out())]
+        self.given, self.arguments = _memory(rows, [f.numel_in(k) for k in range(f.n_in())])
+        self.got, self.results = _memory(rows, [f.numel_out(k) for k in range(f.n_out())])
+        self._buffer, self.run = (f if rows == 1 else f.map(rows)).buffer()
+        set_arg: Any = self._buffer.set_arg
+        set_res: Any = self._buffer.set_res
+        buffers: list[tuple[Any, list[Any]]] = [(set_arg, self.arguments), (set_res, self.results)]
+        for setter, arrays in buffers:
+            for k, a in enumerate(arrays):
+                if a.size:
+                    setter(k, memoryview(a))
+
+
+def _memory(rows: int, sizes: Sequence[int]) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Return zeros, and their parts as arrays (rows, size)."""
+    memory = np.zeros(rows * sum(sizes))
+    parts = np.split(memory, rows * np.cumsum(sizes, dtype=int))
+    return memory, [part.reshape(rows, size) for part, size in zip(parts, sizes, strict=False)]
+
+
 class PointFunction:
     """A function of columns, called with arrays or numbers; returns each result as a new array of its shape.
 
@@ -37,16 +66,10 @@ class PointFunction:
     def __init__(self, f: ca.Function) -> None:
         self._f = f
         f = densified(f)
-        self._arguments = [np.zeros(f.numel_in(k)) for k in range(f.n_in())]
-        self._results = [np.zeros((f.size2_out(k), f.size1_out(k))) for k in range(f.n_out())]
-        self._buffer, self._run = f.buffer()
-        set_arg: Any = self._buffer.set_arg
-        set_res: Any = self._buffer.set_res
-        buffers: list[tuple[Any, list[Any]]] = [(set_arg, self._arguments), (set_res, self._results)]
-        for setter, arrays in buffers:
-            for k, a in enumerate(arrays):
-                if a.size:
-                    setter(k, memoryview(a))
+        self._bound = BoundFunction(f)
+        self._arguments = [a[0] for a in self._bound.arguments]
+        bound = self._bound
+        self._results = [r.reshape(c, rows).T for r, (rows, c) in zip(bound.results, bound.shapes, strict=True)]
         self._lock = Lock()
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -56,8 +79,8 @@ class PointFunction:
         with self._lock:
             for argument, value in zip(self._arguments, values, strict=True):
                 argument[:] = value
-            self._run()
-            return [r.T.copy() for r in self._results]
+            self._bound.run()
+            return [r.copy() for r in self._results]
 
 
 # a pivot below this fraction of its typical size is singular. A pivot that is a square root, as for a link at right
@@ -67,6 +90,37 @@ PIVOT_TOLERANCE = 1e-7
 BLOCK = 512
 # rows per call of a small function, and its largest number of operations: a call costs as much as some forty operations
 GROUP, SMALL = 16, 256
+# functions bound to fewer rows than a kernel takes, and the largest number of entries of one
+BOUND, ENTRIES = 128, 20_000
+
+# idle ones by (hash of the function, rows), with the function kept alive so that its hash stays unique; a list holds
+# one for each thread that ran at the same time, or none if the function has no dense form
+_bound: OrderedDict[tuple[int, int], tuple[ca.Function, list[BoundFunction] | None]] = OrderedDict()
+
+
+def _few_rows(f: ca.Function, columns: Sequence[np.ndarray], n: int) -> list[np.ndarray] | None:
+    """`map_columns` in kept memory; None for many or sparse entries."""
+    key = f.__hash__(), n
+    entry = _bound.get(key)
+    if entry is None:
+        entries = [f.sparsity_in(k) for k in range(f.n_in())] + [f.sparsity_out(k) for k in range(f.n_out())]
+        fits = all(e.is_dense() for e in entries) and n * sum(e.numel() for e in entries) <= ENTRIES
+        entry = _bound[key] = f, [] if fits else None
+        while len(_bound) > BOUND:
+            _bound.popitem(last=False)
+    idle = entry[1]
+    if idle is None:
+        return None
+    try:
+        few = idle.pop()
+    except IndexError:
+        few = BoundFunction(f, n)
+    for argument, column in zip(few.arguments, columns, strict=True):
+        argument[...] = column.T
+    few.run()
+    results = [r.copy().reshape(n * c, rows).T for r, (rows, c) in zip(few.results, few.shapes, strict=True)]
+    idle.append(few)
+    return results
 
 
 def map_columns(
@@ -80,6 +134,8 @@ def map_columns(
     n = columns[0].shape[1] if columns else 1
     if n == 0:
         return [np.zeros((f.size1_out(k), 0)) for k in range(f.n_out())]
+    if n < FEWEST and (few := _few_rows(f, columns, n)) is not None:
+        return few
     kernel = kernel_of(f, n)
     if kernel is not None:
         return _side_by_side(f, kernel.run(columns)[0])
@@ -120,35 +176,6 @@ def _side_by_side(f: ca.Function, results: Sequence[np.ndarray]) -> list[np.ndar
     """Return the entries of the outputs (n, r c), stacked by columns, as (r, n c)."""
     shapes = [f.size_out(k) for k in range(len(results))]
     return [r.reshape(len(r) * c, rows).T for r, (rows, c) in zip(results, shapes, strict=True)]
-
-
-def judged_columns(
-    f: ca.Function,
-    columns: Sequence[np.ndarray],
-    margins: Sequence[Any],
-    sizes: Sizes,
-    unknowns: Sequence[np.ndarray] = (),
-    iteration: np.ndarray | None = None,
-    answers: bool = False,
-) -> tuple[list[np.ndarray], np.ndarray]:
-    """Return the results of map_columns for outputs of one column, and their `status_codes`.
-
-    answers: return no margins, and NaN in rows whose status is not OK.
-    """
-    kernel = kernel_of(f, columns[0].shape[1]) if columns else None
-    if kernel is None:
-        results = map_columns(f, [*columns, *unknowns])
-        codes = status_codes(margins, columns, results, iteration, sizes=sizes)
-        if answers:
-            results = results[:-1]
-            bad = np.flatnonzero(codes != Status.OK)
-            for r in results:
-                r.T[bad] = np.nan
-        return results, codes
-    judge = BlockJudge(margins, sizes, columns, unknowns, iteration)
-    results, codes = kernel.run([*columns, *unknowns], judge, answers)
-    assert codes is not None
-    return _side_by_side(f, results), codes
 
 
 def _grouped(f: ca.Function, size: int) -> ca.Function:
@@ -200,55 +227,149 @@ def _finite(columns: Sequence[np.ndarray], n: int) -> np.ndarray:
     return finite
 
 
-# fraction of the limit of one row below which a sum of squares over a whole block is safe in spite of round-off
+# fraction of the limit of one row below which a sum of squares over many rows is safe in spite of round-off
 _SURELY = 0.999
+# largest sum of squares of inputs that their weights are applied to: it cannot overflow
+_USUAL = 1e200
+# numbers of rows below FEWEST whose memory is kept
+_KEPT = 16
 
 
-class BlockJudge:
-    """`status_codes` block by block, with fewer passes if all rows are clearly good."""
+class JudgedFunction:
+    """A closed-form function of columns with the margins as last output, and the status codes of its results.
 
-    def __init__(
-        self,
-        margins: Sequence[Any],
-        sizes: Sizes,
-        columns: Sequence[np.ndarray],
-        unknowns: Sequence[np.ndarray] = (),
-        iteration: np.ndarray | None = None,
-    ) -> None:
-        """`columns`: arguments with limits of size; the unknowns of Newton blocks have none."""
-        self._margins, self._sizes, self._arguments, self._iteration = margins, sizes, len(columns), iteration
+    `status_codes` defines the codes; a few operations tell that all rows are clearly good, as most are.
+    """
+
+    def __init__(self, f: ca.Function, margins: Sequence[Any], sizes: Sizes) -> None:
+        self._f, self._margins, self._sizes = f, margins, sizes
         scaled = [m.kind in ("pivot", "branch") for m in margins]
         # other margins may be zero: the limit is the largest negative number
         least = -np.nextafter(0.0, 1.0)
         low = [PIVOT_TOLERANCE * m.scale if s else least for m, s in zip(margins, scaled, strict=True)]
-        high = [-x if m.kind == "pivot" else -np.inf for m, x in zip(margins, low, strict=True)]
+        self.low = np.array(low)
+        self.high = np.array([-x if m.kind == "pivot" else -np.inf for m, x in zip(margins, low, strict=True)])
         weights = {place: weight for weight, places in sizes.groups for place in places}
-        weight = [weights[k] for k, c in enumerate(columns) for _ in c] + [0.0 for z in unknowns for _ in z]
-        self.limits = np.array(low), np.array(high), np.array(weight), _SURELY * sizes.most
+        weight = [weights.get(k, 0.0) for k in range(f.n_in())]  # the unknowns of Newton blocks have none
+        self.weight = np.repeat(weight, [f.numel_in(k) for k in range(f.n_in())])
+        self.most = _SURELY * sizes.most
+        self._idle: dict[int, list[_FewRows]] = {}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return JudgedFunction, (self._f, self._margins, self._sizes)
+
+    def __call__(
+        self,
+        columns: Sequence[np.ndarray],
+        unknowns: Sequence[np.ndarray] = (),
+        iteration: np.ndarray | None = None,
+        answers: bool = False,
+    ) -> tuple[list[np.ndarray], np.ndarray]:
+        """Return the outputs (entries, n) for arguments (size, n), and status codes (n,).
+
+        answers: return no margins, and NaN in rows whose status is not OK.
+        """
+        inputs = [*columns, *unknowns]
+        n = inputs[0].shape[1] if inputs else 1
+        if 0 < n < FEWEST:
+            clear = iteration is None or not np.count_nonzero(iteration)
+            results, good = self._of_few(inputs, n, answers and clear)
+            if good and clear:
+                return results, np.zeros(n, dtype=int)
+        else:
+            kernel = kernel_of(self._f, n)
+            if kernel is not None:
+                judge = BlockJudge(self, len(columns), iteration)
+                results, codes = kernel.run(inputs, judge, answers)
+                assert codes is not None
+                return _side_by_side(self._f, results), codes
+            results = map_columns(self._f, inputs)
+        codes = self.codes(columns, results, iteration)
+        if answers:
+            results = results[:-1]
+            bad = np.flatnonzero(codes)
+            for r in results:
+                r.T[bad] = np.nan
+        return results, codes
+
+    def codes(
+        self, columns: Sequence[np.ndarray], results: Sequence[np.ndarray], iteration: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Return the `status_codes` of results (entries, n), the margins last."""
+        return status_codes(self._margins, columns, results, iteration, sizes=self._sizes)
+
+    def _of_few(self, inputs: Sequence[np.ndarray], n: int, answers: bool) -> tuple[list[np.ndarray], bool]:
+        """Evaluate in kept memory; return the outputs, and whether all rows are clearly good, then only the answers."""
+        idle = self._idle.get(n)
+        if idle is None:
+            while len(self._idle) >= _KEPT:
+                self._idle.pop(next(iter(self._idle)), None)
+            idle = self._idle[n] = []
+        few = idle.pop() if idle else _FewRows(self, self._f, n)
+        for argument, column in zip(few.arguments, inputs, strict=True):
+            argument[...] = column.T
+        few.run()
+        good = few.all_good()
+        results = [r.copy().T for r in (few.answers if good and answers else few.results)]
+        idle.append(few)
+        return results, good
+
+    def all_good(self, inputs: Sequence[np.ndarray], outputs: Sequence[np.ndarray]) -> bool:
+        """Return whether all columns are clearly good: finite, away from each limit, and far smaller than allowed."""
+        *values, margins = outputs
+        if not all(np.isfinite(v).all() for v in values):
+            return False
+        if len(margins):
+            below = ~(np.minimum.reduce(margins, axis=1) > self.low)  # NaN among them
+            if below.any() and not np.all(np.maximum.reduce(margins[below], axis=1) < self.high[below]):
+                return False
+        with np.errstate(over="ignore"):  # infinity exceeds the limit too
+            rows = [row for column in inputs for row in column]
+            total = sum(w * float(row @ row) for w, row in zip(self.weight.tolist(), rows, strict=True) if w)
+        return bool(total <= self.most)
+
+
+class _FewRows(BoundFunction):
+    """A JudgedFunction bound to a number of rows."""
+
+    def __init__(self, judged: JudgedFunction, f: ca.Function, n: int) -> None:
+        super().__init__(f, n)
+        sizes = [a.shape[1] for a in self.arguments]
+        weights = np.split(judged.weight, np.cumsum(sizes))
+        self._weight = np.concatenate([np.tile(w, n) for w in weights])
+        self._most, self._weighted = judged.most, np.zeros_like(self.given)
+        self.answers, self._margins = self.results[:-1], self.results[-1].reshape(-1)
+        self._values = self.got[: self.got.size - self._margins.size]
+        self._low, self._high = np.tile(judged.low, n), np.tile(judged.high, n)
+        self._above = np.zeros(self._low.shape, dtype=bool)
+
+    def all_good(self) -> bool:
+        """The same as `JudgedFunction.all_good`, for what has just been computed."""
+        given, values, above = self.given, self._values, self._above
+        # vdot does not warn of an overflow; NaN is not below either
+        if not (np.vdot(values, values) < np.inf and np.vdot(given, given) < _USUAL):
+            return False
+        np.greater(self._margins, self._low, above)
+        if np.count_nonzero(above) < above.size and not np.all(above | (self._margins < self._high)):
+            return False
+        return bool(np.multiply(given, self._weight, self._weighted).dot(given) <= self._most)
+
+
+class BlockJudge:
+    """A JudgedFunction block by block, as a column kernel asks for it."""
+
+    def __init__(self, judged: JudgedFunction, arguments: int, iteration: np.ndarray | None = None) -> None:
+        """`arguments`: number of inputs with limits of size; the unknowns of Newton blocks have none."""
+        self._judged, self._arguments, self._iteration = judged, arguments, iteration
+        self.limits = judged.low, judged.high, judged.weight, judged.most
 
     def codes(
         self, rows: slice, inputs: Sequence[np.ndarray], outputs: Sequence[np.ndarray], plainly: bool
     ) -> np.ndarray | None:
-        columns = inputs[: self._arguments]
         iteration = None if self._iteration is None else self._iteration[rows]
-        if plainly or self._all_good(columns, outputs):
+        if plainly or self._judged.all_good(inputs, outputs):
             return iteration if iteration is not None and iteration.any() else None
-        return status_codes(self._margins, columns, outputs, iteration, sizes=self._sizes)
-
-    def _all_good(self, columns: Sequence[np.ndarray], outputs: Sequence[np.ndarray]) -> bool:
-        *values, margins = outputs
-        low, high, _, most = self.limits
-        if not all(np.isfinite(v).all() for v in values):
-            return False
-        if len(margins):
-            below = ~(np.minimum.reduce(margins, axis=1) > low)  # NaN among them
-            if below.any() and not np.all(np.maximum.reduce(margins[below], axis=1) < high[below]):
-                return False
-        total = 0.0
-        with np.errstate(over="ignore"):  # infinity exceeds the limit too
-            for weight, places in self._sizes.groups:
-                total += weight * sum(float(row @ row) for place in places for row in columns[place])
-        return bool(total <= most)
+        return self._judged.codes(inputs[: self._arguments], outputs, iteration)
 
 
 class PlainMargin(NamedTuple):
@@ -271,15 +392,14 @@ class RowFunction:
             raise ModelError(
                 f"{function.name} solves {len(newton)} block(s) by Newton's method; call the CausalFunction itself"
             )
-        self._function = function.closed
-        self._margins = [PlainMargin(m.kind, m.scale) for m in function.margins]
-        self._sizes = function.sizes
+        margins = [PlainMargin(m.kind, m.scale) for m in function.margins]
+        self._judged = JudgedFunction(function.closed, margins, function.sizes)
         self._shapes = [s.shape for s in function.outputs]
 
     def __call__(self, *arguments: Any) -> tuple[Any, ...]:
         """Return arrays (n, ...) of the targets and int codes (n,) of `Status`; rows without a solution are NaN."""
         arrays = [np.asarray(a, dtype=float) for a in arguments]
         columns = [a.reshape(a.shape[0], -1).T for a in arrays]
-        results, status = judged_columns(self._function, columns, self._margins, self._sizes, answers=True)
+        results, status = self._judged(columns, answers=True)
         values = [r.T for r in results]
         return (*(v.reshape(len(status), *s) for v, s in zip(values, self._shapes, strict=True)), status)

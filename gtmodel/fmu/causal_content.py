@@ -493,16 +493,20 @@ def _ends(extended: WithStates, start: dict[Pair, float], h: float, stop: float)
     relative to max(1, |state|).
     """
     f, order = extended.function, [p for s in extended.states for p in s.pairs]
-    place = {p: n for n, p in enumerate(order)}
-    targets = {p: (n, k) for n, s in enumerate(f.outputs) for k, p in enumerate(s.pairs)}
-    rates = [(place[i, m + 1], None) if (i, m + 1) in place else (0, targets[i, m + 1]) for i, m in order]
+    targets = [p for s in f.outputs for p in s.pairs]
+    place = {p: n for n, p in [*enumerate(targets, len(order)), *enumerate(order)]}
+    rates = [place[i, m + 1] for i, m in order]
+    inputs = [np.array([start[p] for p in s.pairs]) for s in f.inputs]
+    moving = [
+        (a, k, place[p]) for a, s in zip(inputs, f.inputs, strict=True) for k, p in enumerate(s.pairs) if p in order
+    ]
+    arguments = [a.reshape(s.shape) for a, s in zip(inputs, f.inputs, strict=True)]
 
     def rate(x: np.ndarray, t: float) -> np.ndarray | None:
-        values = {**start, **dict(zip(order, x, strict=True))}
-        results = _results(f, values, t)
-        if results is None:
-            return None
-        return np.array([x[n] if output is None else results[output[0]][output[1]] for n, output in rates])
+        for a, k, state in moving:  # the arguments are views of these arrays
+            a[k] = x[state]
+        *results, status = f(*arguments, *([t] if f.plan.uses_time else []))
+        return np.hstack([x, *[np.ravel(r) for r in results]])[rates] if status == Status.OK else None
 
     x = np.array([start[p] for p in order])
     rows = [x]
@@ -524,10 +528,3 @@ def _ends(extended: WithStates, start: dict[Pair, float], h: float, stop: float)
     if len(rows) < min(n, 4):
         raise ArgumentError("the function fails within the first steps; change the start", "start")
     return np.array(rows), rough
-
-
-def _results(f: CausalFunction, values: dict[Pair, float], t: float) -> list[np.ndarray] | None:
-    columns = [np.array([values[p] for p in s.pairs]) for s in f.inputs]
-    shaped = [c.reshape(s.shape) if s.shape else float(c[0]) for c, s in zip(columns, f.inputs, strict=True)]
-    *results, status = f(*shaped, *([t] if f.plan.uses_time else []))
-    return [np.ravel(r) for r in results] if Status(int(status)) is Status.OK else None

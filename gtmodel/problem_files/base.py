@@ -192,8 +192,9 @@ class Generating(Protocol):
     """Further interface of a kind whose study writes its own folder, for ``gtmodel codegen``."""
 
     def write(
-        self, problem: Any, context: Context, out: Path, *, verify: bool, write_failed: bool, fmu: str | None
-    ) -> Study: ...
+        self, problem: Any, context: Context, out: Path, *, verify: bool, write_failed: bool, fmu: str | None,
+        costs: bool,
+    ) -> Study: ...  # fmt: skip
 
 
 __all__ = [

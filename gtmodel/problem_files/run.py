@@ -221,6 +221,7 @@ def solve(
     with held(out, context) as folder:
         outcome = noted(answer(loaded, context), context)
         wall_s = time.monotonic() - context.began
+        outcome = written.illustrated(outcome) if plot else outcome
         outcome = for_machines(outcome, _FAILED if write_failed else "", _FAILED)
         try:
             files = write(folder, loaded, context, outcome, wall_s=wall_s, plot=plot)
@@ -235,17 +236,19 @@ def solve(
 
 
 def generate(
-    loaded: Loaded, context: Context, out: Path, *, verify: bool, write_failed: bool = False, fmu: str | None = None
-) -> Finished:
+    loaded: Loaded, context: Context, out: Path, *, verify: bool, write_failed: bool = False, fmu: str | None = None,
+    costs: bool = False,
+) -> Finished:  # fmt: skip
     """Generate the code of a problem. With `verify` and without `write_failed`, write it only if it passed all checks.
 
-    fmu: write units of that version instead. Raises InputError for a kind that generates no code.
+    fmu: write units of that version instead. costs: with `verify`, measure the code. Raises InputError for other kinds.
     """
     if not isinstance(loaded.kind, Generating):
         raise InputError(f"is '{loaded.problem.kind}', which generates no code; use gtmodel solve", "kind")
     with keyed(loaded), context.under_way():
         try:
-            outcome = loaded.kind.write(loaded.problem, context, out, verify=verify, write_failed=write_failed, fmu=fmu)
+            how = {"verify": verify, "write_failed": write_failed, "fmu": fmu, "costs": costs}
+            outcome = loaded.kind.write(loaded.problem, context, out, **how)
         except Interrupted as stopped:
             outcome = Study(status=SolveStatus.INTERRUPTED, message=str(stopped))
     return Finished(noted(outcome, context), time.monotonic() - context.began)

@@ -84,10 +84,13 @@ def scratch(prefix: str = "gtmodel-") -> Iterator[Path]:
 
 
 class MadeFiles(Mapping[str, str]):
-    """Contents by file name, each computed by a function at access."""
+    """Contents by file name, each computed by a function at access; `pages` compute files with pictures in them."""
 
-    def __init__(self, makers: Mapping[str, Callable[[], str]]) -> None:
+    def __init__(
+        self, makers: Mapping[str, Callable[[], str]], pages: Mapping[str, Callable[[], str]] | None = None
+    ) -> None:
         self.makers = dict(makers)
+        self.pages = dict(pages or {})
 
     def __getitem__(self, name: str) -> str:
         return self.makers[name]()
@@ -98,11 +101,18 @@ class MadeFiles(Mapping[str, str]):
     def __len__(self) -> int:
         return len(self.makers)
 
-    def with_(self, name: str, maker: Callable[[], str], *, behind: str) -> MadeFiles:
-        """Return a copy with one more file, after the file `behind`."""
+    def with_(
+        self, name: str, maker: Callable[[], str], *, behind: str, drawn: Callable[[], str] | None = None
+    ) -> MadeFiles:
+        """Return a copy with one more file, after the file `behind`. drawn: computes it with pictures."""
         place = list(self.makers).index(behind) + 1
         pairs = list(self.makers.items())
-        return MadeFiles(dict([*pairs[:place], (name, maker), *pairs[place:]]))
+        pages = self.pages if drawn is None else {**self.pages, name: drawn}
+        return MadeFiles(dict([*pairs[:place], (name, maker), *pairs[place:]]), pages)
+
+    def drawn(self) -> MadeFiles:
+        """Return a copy whose pages include their pictures."""
+        return MadeFiles({**self.makers, **self.pages})
 
 
 def made(files: Mapping[str, Any]) -> MadeFiles:

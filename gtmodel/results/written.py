@@ -14,12 +14,13 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import tomli_w
 
 from .._version import __version__
 from .as_json import result
-from .disk import marked
+from .disk import MadeFiles, marked
 from .folder import FolderError, Held, holding, others, refuse_impossible, unfinished
 from .read_bounds import toml_of
 from .refusal import ArgumentError
@@ -94,6 +95,7 @@ def _written(folder: Path) -> dict[str, str] | None:
 def write(study: Study, folder: Path, *, plot: bool, write_failed: bool) -> list[Path]:
     """Write a study into a folder: result.json, its files, pictures with `plot`, and run.toml. Raises ArgumentError."""
     with held(folder, lambda _: None) as target:
+        study = illustrated(study) if plot else study
         study = for_machines(study, "write_failed" if write_failed else "")
         files = files_of(study, result("", None, study))
         faults = pictured(study, files) if plot else []
@@ -114,6 +116,12 @@ def files_of(study: Study, data: bytes) -> dict[str, bytes]:
     for name, content in study.files.items():
         files[name] = content.encode() if isinstance(content, str) else content
     return files
+
+
+def illustrated(study: Study) -> Study:
+    """Return the study with those of its files that can include pictures including them."""
+    files = study.files
+    return study.with_(files=files.drawn()) if isinstance(files, MadeFiles) else study
 
 
 def for_machines(study: Study, asked: str, by: str = "write_failed=True") -> Study:
@@ -239,8 +247,20 @@ def sha256_of_file(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+# pictures by the function that draws them, for as long as it lives: a page may include what is also a file
+_drawn: WeakKeyDictionary[Any, bytes] = WeakKeyDictionary()
+
+
 def png(draw: Any, said: str = "") -> bytes:
     """Return a picture as PNG, identical for identical pictures. said: warning above the picture of a failed result."""
+    if said:
+        return _png(draw, said)
+    if draw not in _drawn:
+        _drawn[draw] = _png(draw)
+    return _drawn[draw]
+
+
+def _png(draw: Any, said: str = "") -> bytes:
     buffer = io.BytesIO()
     style = import_module("gtmodel.plot.style")  # by name: results must not depend on gtmodel.plot
     with style.settings():

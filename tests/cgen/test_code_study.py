@@ -29,7 +29,7 @@ def one(small: Functions) -> Functions:
 @pytest.fixture(scope="module")
 def verified(one: Functions, tmp_path_factory: pytest.TempPathFactory) -> tuple[CodeStudy, Path]:
     place = tmp_path_factory.mktemp("study") / "code"
-    return cgen.study(one, place, name="own", check=FEW, box={"phi": [[0.1, 1.0]]}), place
+    return cgen.study(one, place, name="own", check=FEW, costs=True, box={"phi": [[0.1, 1.0]]}), place
 
 
 def test_code_that_passed_is_written_with_its_costs(verified: tuple[CodeStudy, Path], one: Functions) -> None:
@@ -94,7 +94,7 @@ def test_stopped_it_writes_nothing_and_says_what_was_done(one: Functions, tmp_pa
         left -= 1
         return left < 0
 
-    s = cgen.study(one, tmp_path / "code", name="own", check=FEW, stop=stop)
+    s = cgen.study(one, tmp_path / "code", name="own", check=FEW, costs=True, stop=stop)
     assert s.status is SolveStatus.INTERRUPTED and not (tmp_path / "code").exists()
     done = ("stopped before the code was generated", "but not checked", "but costs were not counted")
     assert done[looks] in s.message

@@ -39,7 +39,7 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     path, out = PROBLEMS / f"{request.param}.toml", tmp_path_factory.mktemp("controllers") / "out"
     problem = tomllib.loads(path.read_text())
     assert problem["check"]["points"] == 10_000
-    assert main(["codegen", str(path), "-o", str(out), "--check"]) == 0
+    assert main(["codegen", str(path), "-o", str(out), "--costs"]) == 0
     return problem, out
 
 

@@ -1,4 +1,4 @@
-"""What --check lists: machine code, stack, instructions, symbols; each number by a second road."""
+"""What --costs lists: machine code, stack, instructions, symbols; each number by a second road."""
 
 import subprocess
 from pathlib import Path

@@ -8,6 +8,7 @@ from hypothesis import given, strategies as st
 
 import gtmodel as gt
 from gtmodel import Status
+from gtmodel.compiler.rows import _FewRows
 from tests.support.examples import examples
 from tests.support.models import FourBar, Pendulum, SliderCrank
 from tests.support.rods import ThreeRods
@@ -46,6 +47,26 @@ class TestRows:
             assert status[k] == code == jacobian_status[k]
             assert np.array_equal(q[k], single, equal_nan=True)
             assert np.array_equal(jacobian[k], IK.jacobian(row)[0], equal_nan=True)
+
+    @pytest.mark.filterwarnings("error")
+    def test_few_rows_have_the_statuses_of_each_row_by_itself(self, monkeypatch):
+        """Second road: `status_codes` of every row, without the test whether all rows are clearly good."""
+        f = RODS.causal("T", ["q", "der(q,2)", "rod[0].tension"])
+        rng = np.random.default_rng(4)
+        calls = []
+        for size in (0.1, 3.0, 1e6, 1e200):
+            for n in (1, 2, 50):
+                rows = [T + size * rng.uniform(-1, 1, (n, 3)), *(size * rng.standard_normal((2, n, 3)))]
+                rows[2][rng.random((n, 3)) < 0.01] = rng.choice([np.nan, np.inf])
+                calls.append((rows, f(*rows)))
+        assert {int(code) for _, results in calls for code in results[-1]} >= {
+            0,
+            Status.OUT_OF_RANGE,
+            Status.NOT_FINITE,
+        }
+        monkeypatch.setattr(_FewRows, "all_good", lambda self: False)
+        for rows, results in calls:
+            assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(results, f(*rows), strict=True))
 
     def test_bad_rows_do_not_harm_others(self):
         rows = np.array([T, FAR, T, [np.nan, 0, 0], [np.inf, 0, 0], T])

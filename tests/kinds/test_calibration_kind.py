@@ -82,12 +82,10 @@ class TestShippedProblems:
         for name in ("report.html", "result.json", "parameters.toml", "poses.csv"):
             assert (tmp_path / "again" / name).read_bytes() == (folder / name).read_bytes()
         page = (folder / "report.html").read_text()
-        assert page.count("data:image/png;base64,") == 5
-        text = re.sub(r"base64,[^\"]*", "", page)
-        assert not re.search(r"https?:|href|<script|<link|src=\"(?!data:)", text)
-        assert str(PROBLEMS) not in text and "Synthetic measurements: seed 1" in text
+        assert "solve --plot" in page and not re.search(r"https?:|href|<script|<link|src=", page)
+        assert str(PROBLEMS) not in page and "Synthetic measurements: seed 1" in page
         for word in ("prediction proven", "Sensitivity", "sha256", "Principal", "Outliers", "std"):
-            assert word.lower() in text.lower()
+            assert word.lower() in page.lower()
 
     def test_explain_says_what_is_free_and_what_poses_can_determine(self, capsys: pytest.CaptureFixture[str]) -> None:
         done = Commands(capsys)("explain", PROBLEMS / "calibrate_l1.toml")
@@ -198,7 +196,8 @@ class TestJointStiffness:
         assert list(s.values["joint_stiffness"])[:3] == ["method", "stiffness_MNm_rad", "interval_MNm_rad"]
         assert s.values["synthetic"] == "seed 9, noise 2e-05 m and 0.0001 rad" and s.values["parameters"] is None
         page = s.files["report.html"]
-        assert "Synthetic load tests: seed 9" in page and 'src="data:image/png' in page
+        assert "Synthetic load tests: seed 9" in page and "<img" not in page
+        assert s.files.drawn()["report.html"].count('src="data:image/png;base64,') == 1
         assert "do not follow from the model" in page and "negative" not in page
 
     def test_a_measured_file_is_read(self, shipped_arm, tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Kind "calibration" on what was really measured: several tables, poses known in part, nothing free, refits."""
 
+import re
 import tomllib
 from dataclasses import replace
 from functools import cache
@@ -81,7 +82,10 @@ def test_files_and_pictures_of_several_measurements(delta, tmp_path):
     assert {"poses.csv", "poses_dist.csv", "parameters.toml", "report.html", "pose_errors.png"} <= names and written
     lines = (tmp_path / "poses_dist.csv").read_text().splitlines()
     assert lines[:2] == ["# SI units", "line,part,distance,error of distance"] and len(lines) == 14
-    assert "<td>heights</td><td>T[2]</td><td>fitted</td>" in (tmp_path / "report.html").read_text()
+    page = (tmp_path / "report.html").read_text()
+    assert "<td>heights</td><td>T[2]</td><td>fitted</td>" in page and "--plot" not in page
+    assert page.count("data:image/png;base64,") == len(list(tmp_path.glob("*.png"))) > 1
+    assert not re.search(r"https?:|href|<script|<link|src=\"(?!data:)", re.sub(r"base64,[^\"]*", "", page))
 
 
 def test_the_call_of_the_file_is_the_study_of_objects(delta):

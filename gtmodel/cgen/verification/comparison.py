@@ -141,8 +141,9 @@ def call(library: ctypes.CDLL, face: Interface, inputs: np.ndarray) -> tuple[np.
     state = np.column_stack([start, np.zeros((rows, MARKS), real.dtype)]) if face.newton else np.zeros((rows, 0))
     buffers = [state, input_rows, outputs] if face.newton else [input_rows, outputs]
     status = np.zeros(rows, dtype=int)
-    for n in range(rows):
-        status[n] = function(*[buffer.ctypes.data + n * buffer.strides[0] for buffer in buffers])
+    places = [range(b.ctypes.data, b.ctypes.data + b.nbytes + 1, b.strides[0] or 1)[:rows] for b in buffers]
+    for n, addresses in enumerate(zip(*places, strict=True)):
+        status[n] = function(*addresses)
     after = state[:, : start.shape[1]].astype(real.dtype)
     after[(after.view(real.bits) == start.view(real.bits)) & (status != Status.OK)[:, None]] = real.held
     return np.column_stack([outputs, after]), status

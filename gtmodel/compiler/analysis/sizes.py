@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -49,12 +50,12 @@ class Sizes:
 
     limits: tuple[float, ...]
 
-    @property
+    @cached_property
     def most(self) -> float:
         """The largest allowed weighted sum of squares."""
         return max(self.limits, default=1.0) ** 2
 
-    @property
+    @cached_property
     def groups(self) -> list[tuple[float, list[int]]]:
         """(weight of the squares, positions of the arguments with this weight) in the order of the sum."""
         groups: dict[float, list[int]] = {}

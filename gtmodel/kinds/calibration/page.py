@@ -1,9 +1,10 @@
-"""report.html of a calibration: one file including all pictures, identical for identical input."""
+"""report.html of a calibration: one file, with pictures if they are asked for; identical for identical input."""
 
 from __future__ import annotations
 
 import base64
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from hashlib import sha256
 from html import escape
 from typing import Any
@@ -26,6 +27,7 @@ STYLE = (
     ".good{background:#e3f4e3}.bad{background:#fbe3e0}.box{padding:.5em 1em;margin:.5em 0}"
     ".made{background:#fff3cd;padding:.5em 1em}"
 )
+UNDRAWN = "<p>Without pictures, which take most of the time: <code>gtmodel solve --plot</code> adds them.</p>"
 CAPTIONS = {
     "pose_errors": "Positioning error per pose (compare Dressler 2012, Fig. 5.1); dashed: mean; ring: largest error.",
     "workspace_errors": "Positioning error over the workspace; squares: held-out poses; ring: largest error.",
@@ -41,7 +43,9 @@ def added(study: CalibrationStudy, problem: Schema, context: Context) -> Calibra
     if not study.files:
         return study
     page, behind = (stiffness_text, "parameters.toml") if study.joint_stiffness is not None else (text, "poses.csv")
-    return study.with_(files=made(study.files).with_(REPORT, lambda: page(study, problem, context), behind=behind))
+    plain = partial(page, study.with_(figures={}), problem, context)
+    drawn = partial(page, study, problem, context)
+    return study.with_(files=made(study.files).with_(REPORT, plain, behind=behind, drawn=drawn))
 
 
 def text(study: CalibrationStudy, problem: Schema, context: Context) -> str:
@@ -54,6 +58,7 @@ def text(study: CalibrationStudy, problem: Schema, context: Context) -> str:
     parts.append("<h2>Verdict</h2>" + items(values["verdict"], good))
     if study.notes:
         parts.append("<h2>Notes</h2>" + items(study.notes))
+    parts.append("" if figures else UNDRAWN)
     parts.append("<h2>Accuracy</h2>" + _accuracy(values))
     for name in ("pose_errors", "workspace_errors"):
         parts.append(picture(figures, name, CAPTIONS[name]))
@@ -81,6 +86,7 @@ def stiffness_text(study: CalibrationStudy, problem: Schema, context: Context) -
         parts.append(f'<p class="made">Synthetic load tests: {escape(values["synthetic"])}</p>')
     sound = bool(v["adequate"]) and all(K > 0 for K in v["stiffness_MNm_rad"])
     parts.append("<h2>Verdict</h2>" + items((v["adequacy"], *study.notes), sound))
+    parts.append("" if figures else UNDRAWN)
     rows = [
         (
             f"joint {j + 1}",

@@ -38,7 +38,7 @@ def call(problem: Schema, context: Context) -> Call:
 
 def write(
     problem: Schema, context: Context, out: Path, *, verify: bool = False, write_failed: bool = False,
-    fmu: str | None = None,
+    fmu: str | None = None, costs: bool = False,
 ) -> CodeStudy | FmuStudy:  # fmt: skip
     """Generate the code into `out`.
 
@@ -46,9 +46,12 @@ def write(
     passed; with `write_failed` it is written anyway, marked in the first lines.
 
     fmu: "3", "2" or "both": functional mock-up units of these versions instead of C code.
+    costs: with `verify`, also measure machine code, stack and instructions.
 
     Raises InputError for a wrong problem, ArgumentError for a folder with files that gtmodel did not write.
     """
+    if fmu is not None and costs:
+        raise InputError("--costs: only C code is measured, not a unit; leave out --fmu or --costs")
     if fmu is not None:
         return _units(problem, context, out, fmu, verify, write_failed)
     with held(out) as folder:
@@ -60,7 +63,7 @@ def write(
             call_.options["problem"]["plant"] |= problem.plant.of_folder(context, folder.path)
         if not write_failed and not context.interrupted():
             refuse_distrusted(context, "the code")
-        call_.options |= {} if verify else {"check": None}
+        call_.options |= {"costs": costs} if verify else {"check": None}
         return call_(
             folder=folder, also=doubts(context), write_failed=write_failed, by="--write-failed", **context.work()
         )
