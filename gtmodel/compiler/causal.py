@@ -424,7 +424,7 @@ class CausalFunction(Portable):
                 if rows is not None and rows != given[0]:
                     raise TypeError(f"{self.name}: '{name}' has {given[0]} rows, another argument has {rows}")
                 rows = given[0]
-                columns.append(a.reshape(rows, size).T)
+                columns.append(a.reshape(given[0], size).T)
             else:
                 raise TypeError(f"{self.name}: '{name}' must have shape {shape} or (n, ...); found {given}")
         if rows is not None:

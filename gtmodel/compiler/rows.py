@@ -253,7 +253,7 @@ class JudgedFunction:
         weight = [weights.get(k, 0.0) for k in range(f.n_in())]  # the unknowns of Newton blocks have none
         self.weight = np.repeat(weight, [f.numel_in(k) for k in range(f.n_in())])
         self.most = _SURELY * sizes.most
-        self._idle: dict[int, list[_FewRows]] = {}
+        self.kept: dict[int, list[_FewRows]] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
         return JudgedFunction, (self._f, self._margins, self._sizes)
@@ -300,11 +300,11 @@ class JudgedFunction:
 
     def _of_few(self, inputs: Sequence[np.ndarray], n: int, answers: bool) -> tuple[list[np.ndarray], bool]:
         """Evaluate in kept memory; return the outputs, and whether all rows are clearly good, then only the answers."""
-        idle = self._idle.get(n)
+        idle = self.kept.get(n)
         if idle is None:
-            while len(self._idle) >= _KEPT:
-                self._idle.pop(next(iter(self._idle)), None)
-            idle = self._idle[n] = []
+            while len(self.kept) >= _KEPT:
+                self.kept.pop(next(iter(self.kept)), None)
+            idle = self.kept[n] = []
         few = idle.pop() if idle else _FewRows(self, self._f, n)
         for argument, column in zip(few.arguments, inputs, strict=True):
             argument[...] = column.T

@@ -35,10 +35,10 @@ ROWS, CALLS, TIMES = (1, 10, 100), 20, 60
 GOAL, BY_HAND = 15.0, 8.5
 
 
-def kernel(f: ca.Function, arguments: list[np.ndarray]) -> Callable[[], Any]:
+def kernel(f: ca.Function, arguments: list[Any]) -> Callable[[], Any]:
     """The function on kept memory."""
     n = len(arguments[0])
-    results = [np.empty((n, f.numel_out(k))) for k in range(f.n_out())]
+    results: list[Any] = [np.empty((n, f.numel_out(k))) for k in range(f.n_out())]
     buffer: Any
     buffer, run = (f if n == 1 else f.map(n)).buffer()
     for k, a in enumerate(arguments):
