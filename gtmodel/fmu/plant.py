@@ -112,7 +112,7 @@ class FmuPlant:
                 inputs = {"force": servo.kp_N_m * (now - q) + servo.kd_N_s_m * (du - dq)}
             else:
                 inputs = {"command": now} | ({"command_speed": du} if "command_speed" in self._names else {})
-            values = [(self._names[name], self._scales[name].own(x)) for name, x in inputs.items()]
+            values = [(self._names[name], self._scales[name].own(np.asarray(x))) for name, x in inputs.items()]
             results = np.split(self.unit.advance(values, h, outputs), len(measured))
             q, *rest = (self._scales[name].si(x) for name, x in zip(measured, results, strict=True))
             dq = rest[0] if rest else du

@@ -267,12 +267,13 @@ def with_offsets(rows: Rows, signal: str, *, per_session: bool = True, drift: bo
         return [f"{signal}.{what}{f'[{i}]' if m > 1 else ''}{label}" for label in labels for i in range(m)]
 
     names = named("offset", labels if per_session else [""])
-    columns = offset_columns(counts, m, per_session=per_session).reshape(n, m, -1)
+    sizes = counts.tolist()
+    columns = offset_columns(sizes, m, per_session=per_session).reshape(n, m, -1)
     units = rows.units_of_targets * (len(names) // m)
     if drift:
         middle = [0.5 * (t[0] + t[-1]) for t in np.split(rows.time, np.cumsum(counts)[:-1])]
         since = rows.time - np.repeat(middle, counts)
-        columns = np.concatenate([columns, offset_columns(counts, m).reshape(n, m, -1) * since[:, None, None]], axis=2)
+        columns = np.concatenate([columns, offset_columns(sizes, m).reshape(n, m, -1) * since[:, None, None]], axis=2)
         names += named("drift", labels)
         units += tuple(f"{unit}/s" for unit in rows.units_of_targets) * len(counts)
     return replace(

@@ -11,9 +11,9 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 from gtmodel import lang, modelica, optimize, problem_files
 from gtmodel.modelica.reference import is_reference
 from gtmodel.optimize import Blocks, LengthCost, Mesh
-from gtmodel.problem_files import start as earlier
 from gtmodel.problem_files.base import Call, Context, FileSection, Problem
 from gtmodel.problem_files.files import InputError
+from gtmodel.problem_files.run import earlier_result
 from gtmodel.results import Trajectory
 from gtmodel.results.refusal import naming
 
@@ -177,7 +177,7 @@ def _model(problem: Schema, context: Context) -> lang.Optimization:
 def _guess(problem: Schema, context: Context, model: lang.Optimization) -> Trajectory | None:
     """An earlier result; for an Optimica problem with free time, a simulation."""
     if context.start is None and problem.guess:
-        context.start = earlier.read(context.folder / problem.guess, problem.kind)
+        context.start = earlier_result(context.folder / problem.guess, problem.kind)
     if (guess := context.guess()) is not None or not is_reference(problem.model):
         return guess
     if (guess := modelica.first_guess(model)) is not None:

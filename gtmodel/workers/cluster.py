@@ -63,7 +63,8 @@ class Elsewhere:
         """Wait for Dask's future; the futures of its own executor never end if a result is lost with its worker."""
         assert self._client is not None
         try:
-            replies, error = await self._client.gather(remote, asynchronous=True), None
+            replies: Replies | None = await self._client.gather(remote, asynchronous=True)
+            error = None
         except BaseException as caught:
             replies, error = None, caught
         self._remote.pop(future, None)
@@ -71,7 +72,7 @@ class Elsewhere:
             future.cancel()
         if not future.set_running_or_notify_cancel():
             return
-        if error is None:
+        if replies is not None:
             future.set_result(replies)
         else:
             future.set_exception(error)

@@ -11,7 +11,8 @@ from ..results.work import CREW, Crew, never
 from .each import Done, each, handed_out
 from .processes import Pool, Processes, usable_cores
 
-Item, Value = TypeVar("Item"), TypeVar("Value")
+Item = TypeVar("Item")
+Value = TypeVar("Value")
 
 
 @contextmanager
