@@ -120,7 +120,8 @@ FILTER = (
     "gt_filter.h", "gt_filter_correct.h", "gt_filter_matrix.h", "gt_filter_motion.h", "gt_filter_number.h",
     "gt_filter_types.h",
 )  # fmt: skip
-HEADERS = ("gt_guard.h", "gt_compare.h", "gt_newton.h", "gt_stage_qp.h", "gt_traj.h", *FILTER)
+STAGE_QP = ("gt_stage_qp.h", "gt_stage_qp_riccati.h", "gt_stage_qp_sides.h", "gt_stage_qp_types.h")
+HEADERS = ("gt_guard.h", "gt_compare.h", "gt_newton.h", "gt_traj.h", *FILTER, *STAGE_QP)
 _WORDS = {
     "double": "float",
     "DBL_MAX": "FLT_MAX",

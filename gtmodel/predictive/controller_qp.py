@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from .._pickling import Portable
-from ..cgen.real import DOUBLE, Real, decimal
+from ..cgen.real import DOUBLE, STAGE_QP, Real, decimal
 from ..cgen.steps.function import StepFunction, StepMember, StepTwin, dtype_of, step_prototype
 from ..results.refusal import ArgumentError
 from ..results.status import Status
@@ -45,7 +45,7 @@ class ControllerQP(StepFunction, Portable):
     (['x'], ['u', 'plan', 'cost', 'iterations'])
     """
 
-    runtime = ("gt_stage_qp.h",)
+    runtime = STAGE_QP
 
     def __init__(self, qp: StageQP, period: float, x: Any, data: Any = (), last_data: Any = ()) -> None:
         if not period > 0:

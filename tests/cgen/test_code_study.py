@@ -136,4 +136,8 @@ def test_the_file_of_a_problem_and_the_call_on_objects_give_the_same(
     named = {k: v for k, v in s.values.items() if k != "folder"}
     assert named == {k: v for k, v in by_file.values.items() if k != "folder"}
     for path in (tmp_path / "called").iterdir():
-        assert path.read_bytes() == (tmp_path / "generated" / path.name).read_bytes()
+        one, other = path.read_text(), (tmp_path / "generated" / path.name).read_text()
+        if path.name == "manifest.json":  # the command knows the folder, and names the robot's file from there
+            before, *after = one.rpartition('"pendulum.py:')
+            one = before + '"../pendulum.py:' + after[1]
+        assert one == other
