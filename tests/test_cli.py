@@ -260,7 +260,7 @@ def test_codegen_stops_between_its_steps(
         return work(*words, **more)
 
     monkeypatch.setattr(place, step, stopped)
-    done = gtmodel("codegen", "pendulum_code.toml", "-o", "code", "--check", "--json", "--set", "check.points=5")
+    done = gtmodel("codegen", "pendulum_code.toml", "-o", "code", "--costs", "--json", "--set", "check.points=5")
     assert done.code == 1 and done.json["status"] == "interrupted"
     assert not (here / "code" / "manifest.json").exists()
 

@@ -230,7 +230,7 @@ def identify(
     >>> rows = gt.identify.rows_of(gt.measurements.session_of(log), regressor)
     >>> fit = gt.identify.identify(rows)
     >>> fit.estimate.values.round(1), fit.estimate.std.round(2)  # true are 2 kg, 5 kg/s, 3 N
-    (array([2., 5., 3.]), array([0.01, 0.05, 0.02]))
+    (array([2., 5., 3.]), array([0.01, 0.06, 0.02]))
     """
     chosen = among(rows.names, rows.names if free is None else free)
     names = [rows.names[k] for k in chosen]

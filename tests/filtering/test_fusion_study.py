@@ -98,6 +98,7 @@ def test_five_axes_by_two_interacting_filters(duration, seed):
     assert any("ideal" in note for note in study.notes)
 
 
+@pytest.mark.proof
 def test_one_slow_filter_fails_at_the_bend():
     """The printed kind of model, angular acceleration nearly constant: worse there than the tracker alone."""
     slow = replace(TWO_FILTERS, fast_jerk_density=None, fast_angular_jerk_density=None, smooth=False)
@@ -169,6 +170,7 @@ def test_a_study_is_stopped_while_it_compares_densities():
     assert study.status.value == "interrupted" and study.preferred_jerk_density is None
 
 
+@pytest.mark.proof
 def test_outliers_of_the_tracker_are_weighed():
     """One position of ten off by twenty deviations: next to no loss with weights, four times the error without."""
     path, sensors = F.TrackedPath(duration=0.6), F.FusionSensors(outlier_share=0.1)

@@ -146,7 +146,7 @@ def test_a_robot_file_has_a_start(tmp_path: Path) -> None:
         assert gt.load_robot(tmp_path / "two.toml").structure.starts == starts
     for key, wrong in (("start_deg = [0.0, 90.0, 0.0]", "start takes 2 joint coordinates"),
                        ("start_deg = [0.0, 90.0]\nstart = [0.0, 1.0]", "start_deg"),
-                       ("limits = [[-1, 1], [-1, 1]]\nstart = [0.0, 2.0]", "joint 'joint_2' is 2")):  # fmt: skip
+                       ("limits = [[-1, 1], [-1, 1]]\nstart = [0.0, 2.0]", "joint 'joint_2. is 114")):  # fmt: skip
         (tmp_path / "two.toml").write_text(f"{text}{key}\n")
         with pytest.raises(InputError, match=wrong):
             gt.load_robot(tmp_path / "two.toml")

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 import gtmodel as gt
-from gtmodel import _sweep_command
+from gtmodel import _crew, _sweep_command
 from gtmodel.problem_files import InputError
 from gtmodel.results import ArgumentError
 from tests.support.commands import Commands, command, environment
@@ -143,7 +143,7 @@ def test_an_address_from_the_environment_is_used(problem: Path, run: Commands, m
         asked.append(address)
         raise ArgumentError("no scheduler", "cluster")
 
-    monkeypatch.setattr(_sweep_command, "connected", refuse)
+    monkeypatch.setattr(_crew, "connected", refuse)
     monkeypatch.setenv("GTMODEL_CLUSTER", "tcp://here:1")
     done = run("sweep", problem, "--vary", "payload_kg=5", "--set", "section.step_m=0.5", "--quiet")
     assert done.code == 2 and asked == ["tcp://here:1"] and "--cluster" in done.sentence

@@ -19,7 +19,6 @@ from ...lang import Model
 from ...lang.units import parse_unit
 from ...measurements.signal_table import read
 from ...results import ArgumentError, Row, SolveStatus, Status, Work, at_most
-from ...results.agreement import AnyNumber
 from ...results.disk import path_of
 from ...results.options import Within
 from ...results.refusal import naming
@@ -71,7 +70,7 @@ def postures_study(
     poses: ToolPose | ToolPoses,
     *,
     path: bool = False,
-    near: Annotated[Sequence[float] | Array | None, AnyNumber()] = None,
+    near: Sequence[float] | Array | None = None,
     largest_step: Annotated[float, Within(above=0.0)] = LARGEST_STEP,
     redundancy: LockedJoint | ElbowAngle | None = None,
     **work_options: Unpack[WorkOptions],

@@ -122,6 +122,12 @@ def link_distances(robot: Model, clearance: Clearance) -> LinkDistances:
     """Return the bodies and pairs of a serial arm that a clearance declares; see `LinkDistances`.
 
     Raises ArgumentError for a robot that is no serial arm, and for links that it does not have.
+
+    >>> robot = gt.robots.serial_arm(a=[0.3, 0.2], alpha=[0.0, 0.0])
+    >>> rod = gt.kinematics.LinkCapsule("link_2", [-0.2, 0.0, 0.0], [0.0, 0.0, 0.0], 0.03)
+    >>> wall = gt.kinematics.PlaneObstacle([0.6, 0.0, 0.0], [-1.0, 0.0, 0.0])
+    >>> gt.kinematics.link_distances(robot, gt.kinematics.Clearance(0.02, [rod], planes=[wall])).names
+    [('link_2', 'planes[0]')]
     """
     structure = getattr(robot, "structure", None)
     if structure is None or not hasattr(structure, "joints"):

@@ -25,7 +25,11 @@ class LinkCapsule(Options):
 
 @dataclass(frozen=True)
 class CapsuleObstacle(Options):
-    """A capsule in the world, or a sphere if begin and end are equal."""
+    """A capsule in the world, or a sphere if begin and end are equal.
+
+    >>> gt.kinematics.CapsuleObstacle([0.4, 0.0, 0.0], [0.4, 0.0, 0.5], 0.05).radius
+    0.05
+    """
 
     begin: Annotated[list[float], Unit("m"), Long(3), "one end of its segment, world coordinates"]
     end: Annotated[list[float], Unit("m"), Long(3), "the other end; that of a sphere is the same"]
@@ -34,7 +38,11 @@ class CapsuleObstacle(Options):
 
 @dataclass(frozen=True)
 class BoxObstacle(Options):
-    """A box in the world."""
+    """A box in the world.
+
+    >>> gt.kinematics.BoxObstacle([0.4, 0.0, 0.1], [0.2, 0.3, 0.2]).rpy
+    [0.0, 0.0, 0.0]
+    """
 
     center: Annotated[list[float], Unit("m"), Long(3), "its centre, world coordinates"]
     size: Annotated[list[float], Unit("m"), Within(above=0.0), Long(3), "its edge lengths"]
@@ -45,7 +53,11 @@ class BoxObstacle(Options):
 
 @dataclass(frozen=True)
 class PlaneObstacle(Options):
-    """A plane, such as floor or wall; the links stay on the side to which its normal points."""
+    """A plane, such as floor or wall; the links stay on the side to which its normal points.
+
+    >>> gt.kinematics.PlaneObstacle([0.0, 0.0, 0.0], [0.0, 0.0, 1.0]).normal
+    [0.0, 0.0, 1.0]
+    """
 
     point: Annotated[list[float], Unit("m"), Long(3), "a point of the plane, world coordinates"]
     normal: Annotated[list[float], Long(3), "its normal, towards the free side; of any length"]
