@@ -207,7 +207,8 @@ def arm_motion_figure(
             shown = (
                 {"facecolor": "0.88", "edgecolor": "0.6"} if kind == "link" else {"facecolor": colour(1), "alpha": 0.5}
             )
-            outline = _outline((points[:, None, [a, b]] + radius * ROUND).reshape(-1, 2))
+            around = (points[:, None, [a, b]] + radius * ROUND).reshape(-1, 2)
+            outline = around[scipy.spatial.ConvexHull(around, qhull_options="QJ").vertices]
             axes.fill(*outline.T, label=None if (label, a, b) in drawn else label, linewidth=0.7, **shown)
             drawn.add((label, a, b))
         axes.plot(T[:, a], T[:, b], color="black", label="path of the tool")
@@ -282,12 +283,6 @@ def swing_figure(
 
 TURN = np.linspace(0.0, 2 * np.pi, 24)
 ROUND = np.stack([np.cos(TURN), np.sin(TURN)], axis=1)
-
-
-def _outline(points: np.ndarray) -> np.ndarray:
-    """Return the closed outline (k, 2) of the convex hull of points (n, 2)."""
-    around = scipy.spatial.ConvexHull(points, qhull_options="QJ").vertices
-    return points[[*around, around[0]]]
 
 
 MOST_PANELS, MOST_CURVES, MOST_NAMED = 5, 8, 6
