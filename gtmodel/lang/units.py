@@ -248,9 +248,9 @@ class _Reader:
     product = factor {("." | "*" | " " | "/") factor}, factor = (symbol | "1" | "(" product ")") [power].
     """
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, begin: int = 0) -> None:
         self.text = text
-        self.at = 0
+        self.at = begin
 
     def read(self) -> _Value:
         value = self.product()
@@ -358,7 +358,7 @@ SECOND = _BASE["s"]
 @functools.lru_cache(maxsize=1024)
 def _parse(text: str) -> ParsedUnit:
     leading = _LEADING.match(text)
-    value = _Reader(text[leading.end() :] if leading else text).read() if text else _Value(DIMENSIONLESS)
+    value = _Reader(text, leading.end() if leading else 0).read() if text else _Value(DIMENSIONLESS)
     if leading:
         factor = Fraction(leading["factor"])
         if not factor:
