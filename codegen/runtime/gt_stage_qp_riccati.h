@@ -109,31 +109,26 @@ static inline double gt_stage_qp_changed(const gt_stage_qp_call *c, double centr
         now[j] = 0.0;
     }
     for (k = 0; k <= f->count; k++) {
-        const gt_stage_qp_stage *stage = (k < f->count) ? &f->stage : &f->last;
-        const double *data = (k < f->count) ? &c->data[k * f->stage.numbers] : c->last_data;
-        const double *sides = &w->sides[k * f->stage.sides];
+        const gt_stage_qp_stage *stage = gt_stage_qp_at(c, k, arg);
+        const double *sides = arg[2];
         double *change = &w->change[k * f->stage.sides];
         double *swap = now;
 
         if (k < f->count) {
-            arg[0] = now;
-            arg[1] = data;
-            arg[2] = &w->gain[k * f->inputs * f->states];
-            arg[3] = &w->offset[k * f->inputs];
+            const double *motion[4] = {now, arg[0], &w->gain[k * f->inputs * f->states], &w->offset[k * f->inputs]};
+
             res[0] = after;
             res[1] = &w->du[k * f->inputs];
             res[2] = w->dy;
+            (void)stage->move(motion, res, 0, 0, 0);
         } else {
-            arg[0] = data;
-            arg[1] = now;
+            const double *motion[2] = {arg[0], now};
+
             res[0] = w->dy;
+            (void)stage->move(motion, res, 0, 0, 0);
         }
-        (void)stage->move(arg, res, 0, 0, 0);
         now = after;
         after = swap;
-        arg[0] = data;
-        arg[1] = &w->y[k * f->stage.rows];
-        arg[2] = sides;
         arg[3] = &centre;
         arg[4] = &w->product[k * f->stage.products];
         arg[5] = w->dy;

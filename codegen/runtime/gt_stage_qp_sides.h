@@ -40,20 +40,18 @@ static inline void gt_stage_qp_begun(const gt_stage_qp_call *c, const double *st
 {
     const gt_stage_qp *f = c->f;
     const gt_stage_qp_work *w = c->w;
-    const double *arg[2];
+    const double *arg[3];
     double *res[1];
     int k;
 
     for (k = 0; k <= f->count; k++) {
-        const gt_stage_qp_stage *stage = (k < f->count) ? &f->stage : &f->last;
+        const gt_stage_qp_stage *stage = gt_stage_qp_at(c, k, arg);
 
         res[0] = &w->sides[k * f->stage.sides];
         if (start != 0) {
             arg[0] = &start[k * f->stage.sides];
             (void)stage->push(arg, res, 0, 0, 0);
         } else {
-            arg[0] = (k < f->count) ? &c->data[k * f->stage.numbers] : c->last_data;
-            arg[1] = &w->y[k * f->stage.rows];
             (void)stage->begin(arg, res, 0, 0, 0);
         }
     }
@@ -79,10 +77,7 @@ static inline void gt_stage_qp_judged(const gt_stage_qp_call *c, double cost, gt
         res[j] = &part[j];
     }
     for (k = 0; k <= f->count; k++) {
-        arg[0] = (k < f->count) ? &c->data[k * f->stage.numbers] : c->last_data;
-        arg[1] = &w->y[k * f->stage.rows];
-        arg[2] = &w->sides[k * f->stage.sides];
-        (void)((k < f->count) ? f->stage.judge(arg, res, 0, 0, 0) : f->last.judge(arg, res, 0, 0, 0));
+        (void)gt_stage_qp_at(c, k, arg)->judge(arg, res, 0, 0, 0);
         for (j = 0; j < 4; j++) {
             sum[j] += part[j];
         }
@@ -142,13 +137,12 @@ static inline void gt_stage_qp_weighed(const gt_stage_qp_call *c, double centre)
 
     arg[3] = &centre;
     for (k = 0; k <= f->count; k++) {
-        arg[0] = (k < f->count) ? &c->data[k * f->stage.numbers] : c->last_data;
-        arg[1] = &w->y[k * f->stage.rows];
-        arg[2] = &w->sides[k * f->stage.sides];
+        const gt_stage_qp_stage *stage = gt_stage_qp_at(c, k, arg);
+
         arg[4] = &w->product[k * f->stage.products];
         res[0] = &w->weight[k * f->stage.rows];
         res[1] = &w->slope[k * f->stage.rows];
-        (void)((k < f->count) ? f->stage.weigh(arg, res, 0, 0, 0) : f->last.weigh(arg, res, 0, 0, 0));
+        (void)stage->weigh(arg, res, 0, 0, 0);
     }
 }
 

@@ -82,4 +82,15 @@ typedef struct gt_stage_qp_call {
     const gt_stage_qp_work *w;
 } gt_stage_qp_call;
 
+/* Points to what all kernels of limits begin with, data, rows and sides of stage k; returns the stage. */
+static inline const gt_stage_qp_stage *gt_stage_qp_at(const gt_stage_qp_call *c, int k, const double **arg)
+{
+    const gt_stage_qp *f = c->f;
+
+    arg[0] = (k < f->count) ? &c->data[k * f->stage.numbers] : c->last_data;
+    arg[1] = &c->w->y[k * f->stage.rows];
+    arg[2] = &c->w->sides[k * f->stage.sides];
+    return (k < f->count) ? &f->stage : &f->last;
+}
+
 #endif

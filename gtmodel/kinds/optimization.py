@@ -11,7 +11,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 from gtmodel import lang, modelica, optimize, problem_files
 from gtmodel.modelica.reference import is_reference
 from gtmodel.optimize import Blocks, LengthCost, Mesh
-from gtmodel.problem_files.base import Call, Context, FileSection, Problem
+from gtmodel.problem_files.base import Call, Context, FileSection, Problem, earlier_result
 from gtmodel.problem_files.files import InputError
 from gtmodel.results import Trajectory
 from gtmodel.results.refusal import naming
@@ -176,8 +176,6 @@ def _model(problem: Schema, context: Context) -> lang.Optimization:
 def _guess(problem: Schema, context: Context, model: lang.Optimization) -> Trajectory | None:
     """An earlier result; for an Optimica problem with free time, a simulation."""
     if context.start is None and problem.guess:
-        from gtmodel.problem_files.run import earlier_result
-
         context.start = earlier_result(context.folder / problem.guess, problem.kind)
     if (guess := context.guess()) is not None or not is_reference(problem.model):
         return guess

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from .._pickling import Portable
-from ..cgen.real import DOUBLE, STAGE_QP, Real, decimal
+from ..cgen.real import DOUBLE, FLOAT_TOLERANCE, STAGE_QP, Real, decimal
 from ..cgen.steps.function import StepFunction, StepMember, StepTwin, dtype_of, step_prototype
 from ..results.refusal import ArgumentError
 from ..results.status import Status
@@ -28,7 +28,7 @@ class ControllerQP(StepFunction, Portable):
     caller goes on with the last plan, or stops.
 
     Args:
-        qp: the problem; its `max_iterations` bounds the work of a cycle.
+        qp: the problem; its `max_iterations` bounds the work of a cycle. In float its tolerance is at least 1e-5.
         period: of a cycle [s].
         x, data, last_data: typical arguments of `StageQP.solve`, from which the self-test is drawn.
 
@@ -80,7 +80,11 @@ class ControllerQP(StepFunction, Portable):
 
     @property
     def _sides(self) -> int:
-        return self.qp.count * _sides_of(self.qp.stage) + _sides_of(self.qp.last)
+        return self.qp.count * self.qp.stage.positives + self.qp.last.positives
+
+    def tolerance_of(self, real: Real) -> float:
+        """Return the tolerance; in float it is at least that of the number type."""
+        return self.qp.tolerance if real is DOUBLE else max(self.qp.tolerance, FLOAT_TOLERANCE)
 
     def kernels(self, symbol: str) -> list[ca.Function]:
         """Return the operations of a stage and of the last one under their C names."""
@@ -94,7 +98,7 @@ class ControllerQP(StepFunction, Portable):
         """Return the C text of init and step."""
         qp, stage, last = self.qp, self.qp.stage, self.qp.last
         n, m, count, sides = stage.states, stage.inputs, qp.count, self._sides
-        own, end = _sides_of(stage), _sides_of(last)
+        own, end = stage.positives, last.positives
         rows, products = count * len(stage.rows) + len(last.rows), sides // 2
         part = max(m, own // 2, end // 2)
         sizes = {
@@ -105,13 +109,14 @@ class ControllerQP(StepFunction, Portable):
         }  # fmt: skip
         heads = []
         for name, of in zip(NAMES, (stage, last), strict=True):
-            numbers = [of.numbers, len(of.rows), _sides_of(of), _sides_of(of) // 2]
+            numbers = [of.numbers, len(of.rows), of.positives, of.positives // 2]
             heads.append(f"{{{', '.join([*map(str, numbers), *[f'{symbol}_{name}_{k}' for k in KERNELS]])}}}")
         given = [f"{count}, {n}, {m}, {n * (n + 1) // 2}, {m * (m - 1) // 2}, {qp.max_iterations}"]
-        given += [f"{decimal(max(products, 1))}, {decimal(qp.tolerance)}", *heads]
+        given += [f"{decimal(max(products, 1))}, {decimal(self.tolerance_of(real))}", *heads]
         inner = ",\n    ".join(given)
         known = {member.name for member in self.inputs}
         data, last_data = (f"in->{k}" if k in known else "none" for k in ("data", "last_data"))
+        none = "" if {"data", "last_data"} <= known else "    const double none[1] = {0.0};\n"
         finite = " || ".join(f"(gt_all_finite({i.address('in->')}, {i.count}) == 0)" for i in self.inputs)
         arrays = "".join(f"    double {k}[{max(1, size)}];\n" for k, size in sizes.items())
         work = "".join(f"    work.{k} = {k};\n" for k in sizes)
@@ -129,7 +134,7 @@ class ControllerQP(StepFunction, Portable):
             f"    static const {symbol}_state empty = {{0}};\n\n    (void)start;\n    *state = empty;\n"
             "    return GT_OK;\n}\n\n"
             f"{step_prototype(symbol)}\n{{\n    gt_stage_qp_work work;\n    gt_stage_qp_call call;\n"
-            f"    gt_stage_qp_outcome found;\n    gt_status status;\n    double none[1] = {{0.0}};\n"
+            f"    gt_stage_qp_outcome found;\n    gt_status status;\n{none}"
             f"    double start[{max(1, sides)}];\n{arrays}    int k;\n\n"
             f"    if ({finite}) {{\n        return GT_NOT_FINITE;\n    }}\n{work}    call.f = &{symbol}_qp;\n"
             f"    call.data = {data};\n    call.last_data = {last_data};\n    call.w = &work;\n"
@@ -140,7 +145,7 @@ class ControllerQP(StepFunction, Portable):
             f"        gt_copy(out->u, u, {m});\n        gt_copy(out->plan, u, {count * m});\n"
             "        out->cost = found.cost;\n        out->iterations = found.iterations;\n"
             f"        gt_copy(state->plan, u, {count * m});\n        gt_copy(state->sides, sides, {sides});\n"
-            "        state->begun = 1;\n    }\n    (void)none;\n    return status;\n}\n\n"
+            "        state->begun = 1;\n    }\n    return status;\n}\n\n"
         )
 
     def twin(self, real: Real = DOUBLE) -> StepTwin:
@@ -194,7 +199,9 @@ class ControllerQPTwin(StepTwin):
     def __init__(self, controller: ControllerQP, real: Real) -> None:
         qp = controller.qp
         self.controller, self.real = controller, real
-        self.method = InteriorPoint(qp.stage, qp.count, qp.last, qp.tolerance, qp.max_iterations, qp.kernels, real)
+        self.method = InteriorPoint(
+            qp.stage, qp.count, qp.last, controller.tolerance_of(real), qp.max_iterations, qp.kernels, real
+        )
 
     def init(self, state: np.ndarray, start: np.ndarray) -> Status:
         """Empty the state."""
@@ -204,7 +211,7 @@ class ControllerQPTwin(StepTwin):
     def step(self, state: np.ndarray, inputs: np.ndarray, outputs: np.ndarray) -> Status:
         """Run one cycle."""
         controller, qp = self.controller, self.controller.qp
-        own, count = _sides_of(qp.stage), qp.count
+        own, count = qp.stage.positives, qp.count
         known = [m.name for m in controller.inputs]
         x, data, last = (
             inputs[k].reshape(-1) if k in known else np.zeros(0, self.real.dtype) for k in ("x", "data", "last_data")
@@ -227,10 +234,6 @@ class ControllerQPTwin(StepTwin):
         if controller._sides:
             state["sides"] = np.concatenate([o.sides.T.ravel(), o.last_sides.ravel()])
         return Status.OK
-
-
-def _sides_of(stage: Any) -> int:
-    return 2 * (len(stage.sides) + len(stage.soft))
 
 
 def _called(f: ca.Function, name: str) -> ca.Function:

@@ -95,7 +95,7 @@ class InteriorPoint:
         self.real, self.count, self.stage = real, count, stage
         self.tolerance, self.max_iterations = real.dtype(tolerance), max_iterations
         self.of, self.end = StageEvaluator(functions[0], count, real), StageEvaluator(functions[1], 1, real)
-        own, at_end = (len(s.sides) + len(s.soft) for s in (stage, last))
+        own, at_end = (s.positives // 2 for s in (stage, last))
         self.limits = real.dtype(max(count * own + at_end, 1))
         self.none, self.none_end = np.zeros((own, count), real.dtype), np.zeros((at_end, 1), real.dtype)
 

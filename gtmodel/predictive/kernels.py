@@ -130,7 +130,7 @@ def _of_the_end(stage: HorizonStage) -> dict[str, ca.Function]:
     adjoint  p x s              -> g
     """
     M, p, x = stage.matrices, stage.data, stage.x
-    ny, s = len(stage.rows), SX.sym("s", 2 * (len(stage.sides) + len(stage.soft)))
+    ny, s = len(stage.rows), SX.sym("s", stage.positives)
     weight, slope, dx = SX.sym("weight", ny), SX.sym("slope", ny), SX.sym("dx", stage.states)
     gradient = ca.mtimes(M["Q"], x) + M["q"]
     cost = ca.dot(x, ca.mtimes(M["Q"], x)) / 2 + ca.dot(M["q"], x) + M["constant"]
@@ -163,7 +163,7 @@ def _of_the_dynamics(stage: HorizonStage) -> dict[str, ca.Function]:
     p, x, u, n, m, ny = stage.data, stage.x, stage.u, stage.states, stage.inputs, len(stage.rows)
     P, g, dx = SX.sym("P", n * (n + 1) // 2), SX.sym("g", n), SX.sym("dx", n)
     weight, slope = SX.sym("weight", ny), SX.sym("slope", ny)
-    s = SX.sym("s", 2 * (len(stage.sides) + len(stage.soft)))
+    s = SX.sym("s", stage.positives)
     K, k, lower, inverse = SX.sym("K", m, n), SX.sym("k", m), SX.sym("lower", m * (m - 1) // 2), SX.sym("inverse", m)
     cost = ca.dot(x, ca.mtimes(Q, x)) / 2 + ca.dot(u, ca.mtimes(R, u)) / 2 + ca.dot(u, ca.mtimes(S, x))
     cost += ca.dot(q, x) + ca.dot(r, u) + constant

@@ -129,6 +129,11 @@ class HorizonStage(Portable):
         return self.data.numel()
 
     @property
+    def positives(self) -> int:
+        """Number of distances and excesses with their multipliers, which are all positive."""
+        return 2 * (len(self.sides) + len(self.soft))
+
+    @property
     def soft(self) -> list[int]:
         """Places of the soft limits among `sides`."""
         return [j for j, side in enumerate(self.sides) if side.price is not None]

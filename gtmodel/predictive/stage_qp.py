@@ -134,7 +134,7 @@ class StageQP(Portable):
         end = _sized(last_data, (self.last.numbers,), "last_data")
         if start is not None:
             _sized(start.u, (n, of.inputs), "start.u")
-            _sized(start.sides, (n, 2 * (len(of.sides) + len(of.soft))), "start.sides")
+            _sized(start.sides, (n, of.positives), "start.sides")
         at = None if start is None else (start.u.T, start.sides.T, start.last_sides.reshape(-1, 1))
         o = self._method.solve(first, numbers.T, end.reshape(-1, 1), at)
         return StageSolution(

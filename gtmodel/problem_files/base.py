@@ -11,8 +11,9 @@ from typing import Annotated, Any, Protocol, Self, runtime_checkable
 
 import pydantic
 
-from gtmodel.results import ArgumentError, Check, Row, Study, Trajectory, at_least, at_most
+from gtmodel.results import ArgumentError, Check, Row, Study, Trajectory, TrajectoryError, at_least, at_most
 from gtmodel.results.disk import is_marked
+from gtmodel.results.reading import document
 from gtmodel.results.trajectory_files import TRAJECTORY
 from gtmodel.results.work import Progress, RunClock, silent
 
@@ -201,3 +202,26 @@ __all__ = [
     "TRAJECTORY", "Check", "Context", "FileSection", "Generating", "InputError", "Kind", "Problem",
     "Progress", "Row", "Source", "at_least", "at_most", "silent", "unnoticed",
 ]  # fmt: skip
+
+
+def earlier_result(path: Path, kind: str) -> Mapping[str, Any]:
+    """Return the data of a result.json, or of the result.json in a folder. Raises InputError for any other file."""
+    file = path / "result.json" if path.is_dir() else path
+    if not file.is_file():
+        raise InputError(f"--start {path}: there is no such file; name the result.json of an earlier --out")
+    try:
+        data = document(file.read_bytes())
+        stored_kind = data["kind"]
+    except OSError as error:
+        raise InputError(f"--start {path} cannot be read: {error.strerror}") from None
+    except (ValueError, KeyError, TypeError):
+        raise InputError(f"--start {path} is not a result.json of gtmodel") from None
+    if stored_kind != kind:
+        raise InputError(f"--start {path} is a result of kind '{stored_kind}'; this problem is of kind '{kind}'")
+    stored = data.get("trajectory")
+    try:
+        if stored is not None:
+            Trajectory(stored["time_s"], stored["values"], stored["units"])
+    except (TrajectoryError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"--start {path}: its trajectory cannot be read: {error}") from None
+    return data

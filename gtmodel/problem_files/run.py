@@ -14,14 +14,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from gtmodel.results import ArgumentError, SolveStatus, Study, Trajectory, TrajectoryError, written
+from gtmodel.results import ArgumentError, SolveStatus, Study, written
 from gtmodel.results.as_json import result
 from gtmodel.results.folder import Held
-from gtmodel.results.reading import document
 from gtmodel.results.work import Interrupted
 from gtmodel.results.written import for_machines, pictured, record, sha256, sha256_of_file
 
-from .base import Call, Context, Generating, InputError
+from .base import Call, Context, Generating, InputError, earlier_result
 from .from_options import key_of
 from .load import Loaded, dotted, load
 from .noted import noted
@@ -43,29 +42,6 @@ def about_out() -> Iterator[None]:
         yield
     except ArgumentError as error:
         raise InputError(f"--out {error.message}" if error.argument == "folder" else str(error)) from error
-
-
-def earlier_result(path: Path, kind: str) -> Mapping[str, Any]:
-    """Return the data of a result.json, or of the result.json in a folder. Raises InputError for any other file."""
-    file = path / "result.json" if path.is_dir() else path
-    if not file.is_file():
-        raise InputError(f"--start {path}: there is no such file; name the result.json of an earlier --out")
-    try:
-        data = document(file.read_bytes())
-        stored_kind = data["kind"]
-    except OSError as error:
-        raise InputError(f"--start {path} cannot be read: {error.strerror}") from None
-    except (ValueError, KeyError, TypeError):
-        raise InputError(f"--start {path} is not a result.json of gtmodel") from None
-    if stored_kind != kind:
-        raise InputError(f"--start {path} is a result of kind '{stored_kind}'; this problem is of kind '{kind}'")
-    stored = data.get("trajectory")
-    try:
-        if stored is not None:
-            Trajectory(stored["time_s"], stored["values"], stored["units"])
-    except (TrajectoryError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"--start {path}: its trajectory cannot be read: {error}") from None
-    return data
 
 
 @contextmanager

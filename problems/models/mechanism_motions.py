@@ -18,8 +18,8 @@ class Fastest(gt.Optimization):
     goal: tuple[float, ...]
 
     def pose(self):
-        """Coordinates of the pose."""
-        raise NotImplementedError
+        """Coordinates of the pose: the position of a planar tool."""
+        return [self.robot.x[0], self.robot.x[1]]
 
     def objective(self):
         tau = self.robot.tau
@@ -49,9 +49,6 @@ class FiveBarMotion(Fastest):
     torque = gt.parameter(12.0, unit="N.m", positive=True)
     start, goal = (0.0, 0.55), (0.45, 0.65)
 
-    def pose(self):
-        return [self.robot.x[k] for k in range(2)]
-
 
 class ThreeArmsMotion(Fastest):
     robot = gt.part(ThreeArms)
@@ -59,4 +56,4 @@ class ThreeArmsMotion(Fastest):
     start, goal = (0.35, 0.2, 0.0), (0.45, 0.3, 0.4)
 
     def pose(self):
-        return [self.robot.x[0], self.robot.x[1], self.robot.angle]
+        return [*super().pose(), self.robot.angle]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gtmodel.problem_files import Check, Context, InputError, run
+from gtmodel.problem_files.base import earlier_result
 from gtmodel.problem_files.load import load
 from gtmodel.results import ArgumentError, SolveStatus, Stored, Trajectory, as_json, written
 from tests.support.own_models import FILES
@@ -102,7 +103,7 @@ def test_numbers_that_are_not_finite_become_null() -> None:
 def test_a_result_is_read_back_to_start_from(tmp_path: Path) -> None:
     write(tmp_path / "a", stored={"final_time_s": 0.3})
     for path in (tmp_path / "a", tmp_path / "a" / "result.json"):
-        context = Context(start=run.earlier_result(path, "optimization"))
+        context = Context(start=earlier_result(path, "optimization"))
         guess = context.guess()
         assert guess is not None and guess.unit("x") == "m"
         assert np.array_equal(guess.time, TRAJECTORY.time) and np.array_equal(guess["x"], TRAJECTORY["x"])
@@ -121,4 +122,4 @@ def test_a_result_is_read_back_to_start_from(tmp_path: Path) -> None:
 def test_what_is_no_result_is_refused(tmp_path: Path, text: str, sentence: str) -> None:
     (tmp_path / "result.json").write_text(text)
     with pytest.raises(InputError, match=sentence):
-        run.earlier_result(tmp_path / "result.json", "optimization")
+        earlier_result(tmp_path / "result.json", "optimization")

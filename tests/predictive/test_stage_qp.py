@@ -258,7 +258,7 @@ def controlled() -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize(("real", "points"), [("double", 20), pytest.param("float", 6, marks=pytest.mark.proof)])
+@pytest.mark.parametrize(("real", "points"), [("double", 20), pytest.param("float", 12, marks=pytest.mark.proof)])
 def test_c_equals_python_bit_for_bit(real: str, points: int, tmp_path: Path) -> None:
     laws = controlled()
     cgen.generate(laws, tmp_path / "c", name="mpc", real=real)

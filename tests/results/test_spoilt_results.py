@@ -11,7 +11,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.problem_files import InputError
-from gtmodel.problem_files.run import earlier_result as start_of
+from gtmodel.problem_files.base import earlier_result as start_of
 from gtmodel.results import ArgumentError, Study, at_most, read
 
 DEEP = "[" * 100_000 + "]" * 100_000

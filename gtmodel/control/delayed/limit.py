@@ -270,7 +270,7 @@ DRAWS = 1000
 MOST_SIDES = 12  # of a box: n sides have 2^n vertices
 SEARCHES = 3  # local searches from the worst points
 SPREAD = 0.2  # of a side of the box: least distance between the starts of searches
-NEAR = 1e-6  # relative tolerance of a search
+NEAR = 1e-9  # relative tolerance of a search
 ON_GRID = 1e-9  # of a step: a limit this close to a multiple of the step is that multiple
 
 
@@ -344,7 +344,7 @@ def worst_case(
     for begin in points[_apart(points[order], order)] if best > 0 else ():
         search = scipy.optimize.minimize(
             limit, begin, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(names),
-            options={"fatol": NEAR * min(best, 1e300), "xatol": 1e-5, "adaptive": len(names) > 4},
+            options={"fatol": NEAR * min(best, 1e300), "xatol": 1e-6, "adaptive": len(names) > 4},
         )  # fmt: skip
         if float(search.fun) < best:
             best, worst = float(search.fun), np.clip(search.x, 0.0, 1.0)
