@@ -22,6 +22,7 @@ from ...results.work import WorkOptions, study_function
 from ..axes.options import AxisCost, AxisMesh
 from ..finer_mesh import finer_mesh, refined, refinement_note
 from ..options import Solver
+from ..reference import grid
 from .options import ArmLimits, ArmPose, ArmStudy, Waypoint
 from .task import AHEAD_M, ArmTask, task_of
 
@@ -190,7 +191,7 @@ REFERENCE, SAMPLE_S = "reference.csv", 0.004  # of a controller
 def reference_csv(task: ArmTask, run: Trajectory) -> bytes:
     """Return q, der(q), der(q,2) and T every 4 ms as the text of a CSV file; the motion ends at rest in its last row,
     up to a cycle after its final time."""
-    times = SAMPLE_S * np.arange(int(np.ceil(run.time[-1] / SAMPLE_S - 1e-9)) + 1)
+    times = grid(float(run.time[-1]), SAMPLE_S)
     at = np.minimum(times, run.time[-1])
     q, v, a = run["q"], run["der(q)"], run["der(q,2)"]
     rows = {
