@@ -393,7 +393,7 @@ def test_a_study_takes_what_work_takes_and_shows_it():
     def one(count: int, **work_options: Unpack[WorkOptions]) -> Study:
         return Study(status=SolveStatus.SOLVED, title=Work(**work_options).title)
 
-    assert list(inspect.signature(one).parameters) == ["count", "title", "progress", "max_seconds", "stop"]
+    assert list(inspect.signature(one).parameters) == ["count", *WorkOptions.__annotations__]
     assert one(1, title="of one").title == "of one" and one(1).title == ""
     with pytest.raises(ArgumentError) as refused:
         one(1, max_seconds=-1.0)
