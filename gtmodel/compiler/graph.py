@@ -66,17 +66,18 @@ def neighbours_of(rows: int, entries: Collection[tuple[int, int]]) -> list[list[
     return columns
 
 
-def largest_matching(neighbours: Sequence[Sequence[int]], columns: int) -> Matching:
+def largest_matching(neighbours: Sequence[Sequence[int]], columns: int, begin: Sequence[int] | None = None) -> Matching:
     """Return a maximum matching, from shortest alternating paths (Hopcroft and Karp 1973).
 
-    neighbours: the columns that each row may be matched to. If there are several maximum matchings, the result is the
-    same as that of SciPy's `maximum_bipartite_matching`.
+    neighbours: the columns that each row may be matched to; begin: a matching to enlarge. Without it the result is, of
+    several maximum matchings, that of SciPy's `maximum_bipartite_matching`.
 
     >>> from gtmodel.compiler.graph import largest_matching
     >>> largest_matching([[0, 1], [0], [0]], 2)
     [1, 0, -1]
     """
-    match, row_of = [-1] * len(neighbours), [-1] * columns
+    match = [-1] * len(neighbours) if begin is None else list(begin)
+    row_of = reversed_matching(match, columns)
     while True:
         level, free = _levels(neighbours, match, row_of)
         if free < 0:
@@ -113,7 +114,9 @@ def _augment(
     stack = [root]
     while stack:
         row = stack.pop()
-        deeper = level[row] + 1
+        if level[row] < 0:
+            continue
+        deeper, level[row] = level[row] + 1, -2  # no other path leads through it, whether this one succeeds or not
         for column in neighbours[row]:
             matched_row = row_of[column]
             if matched_row >= 0:
@@ -122,7 +125,6 @@ def _augment(
                     before[matched_row] = row
             elif free == deeper:
                 while True:
-                    level[row] = -2  # exclude it from other paths
                     row_of[column], match[row], column = row, column, match[row]
                     if row == root:
                         return
@@ -160,12 +162,12 @@ def highest_transversal(size: int, values: Mapping[tuple[int, int], int]) -> Mat
     [1, 0]
     """
     neighbours = neighbours_of(size, values)
-    c, d = [0] * size, [0] * size
+    c, d, match = [0] * size, [0] * size, [-1] * size
     for (_, j), value in values.items():
         d[j] = max(d[j], value)
     while True:
         tight = [[j for j in columns if d[j] - c[i] == values[i, j]] for i, columns in enumerate(neighbours)]
-        match = largest_matching(tight, size)
+        match = largest_matching(tight, size, match)  # matched entries stay tight
         rows = alternating(match, tight, reversed_matching(match, size))
         if not rows:
             return match

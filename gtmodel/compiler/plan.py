@@ -85,6 +85,11 @@ class CausalPlan(Portable):
         """The margins that decide the status: those of the blocks in order, then the sides of Newton's solutions."""
         return [m for b in self.blocks for m in b.margins] + self.sides
 
+    @property
+    def has_branches(self) -> bool:
+        """Whether there are branches to select, of the model or of roots in closed form."""
+        return bool(self.flat.branches) or any(r.name for b in self.blocks for r in b.roots)
+
     def symbol(self, index: int, order: int) -> ca.SX:
         """Return the derivative of an original variable as an expression of kept symbols."""
         sign, kept, k = self.alias.resolve(index, order)
@@ -121,6 +126,27 @@ def make_plan(
 
     Raises ModelError for a system that is not square, redundant, singular or without a consistent point.
     """
+    numbers = () if fold is None else tuple(ca.DM(fold).full().ravel().tolist()) if fold.is_constant() else None
+    key = "unsettled", *map(tuple, (known, targets, prefer)), rates, numbers, tuple(sorted(apart)), chains
+    plan = flat.cache.get(key) if at is None and numbers is not None else None
+    if plan is None:
+        plan = _unsettled(flat, known, targets, prefer, rates, fold, at, apart, chains)
+        if at is None and numbers is not None and plan.has_branches:
+            flat.cache[key] = plan  # other branches of the same causality begin with it
+    check_branches(plan.flat, plan.blocks, branches or {})
+    if at is None:
+        plan = settle(plan, plan.sampler, branches or {})
+        plan = replace(plan, sides=[*sides(plan, plan.sampler), *open_loops(plan)])
+    else:
+        plan = follow(plan, plan.sampler)
+    return _with_sizes(plan, plan.sampler)
+
+
+def _unsettled(
+    flat: FlatModel, known: Sequence[int], targets: Sequence[Pair], prefer: Sequence[int], rates: bool,
+    fold: ca.SX | None, at: tuple[np.ndarray, float] | None, apart: Collection[int], chains: bool,
+) -> CausalPlan:  # fmt: skip
+    """Make the plan but for what depends on the branches: signs of roots, home pose, samples, sides, sizes."""
     if flat.events is not None and flat.events.modes:
         raise ModelError(
             f"{flat.title} has equations that switch with gt.If, which only simulate() supports; here write one of the "
@@ -167,7 +193,6 @@ def make_plan(
         if block is not None and shorter is not None:
             order = shorter
             blocks = [block, *solved(order)]
-    check_branches(flat, blocks, branches or {})
     closed = bool(blocks) and blocks[0].kind == CLOSED
     read, on_known = _read(posed, order, fold, sampler, samples, chain if closed else None)
     if on_known:
@@ -185,19 +210,13 @@ def make_plan(
         sampler = replace(sampler, starts={**sampler.starts, **regular})
         samples = sampler.points(SAMPLE_POINTS)
     computed = [folded[i][m] for c in order.components for i, m in c] + [c.residual for c in on_known]
-    plan = CausalPlan(
+    return CausalPlan(
         flat=flat, alias=posed.alias, structure=posed.structure, stages=stages, known=list(known),
         states=order.states, inputs=sorted(read), blocks=blocks, pairs=posed.pairs, samples=samples,
         uses_time=_holds_time(flat, computed), parameters=flat.p if fold is None else fold, sampler=sampler,
         system=system, conditions=posed.conditions, on_known=on_known, undetermined=posed.undetermined, moved=changed,
         chain=chain, singular=bool(regular),
     )  # fmt: skip
-    if at is None:
-        plan = settle(plan, sampler, branches or {})
-        plan = replace(plan, sides=[*sides(plan, sampler), *open_loops(plan)])
-    else:
-        plan = follow(plan, sampler)
-    return _with_sizes(plan, sampler)
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,16 +299,17 @@ class _Order:
         place, read = {p: k for k, p in enumerate(columns)}, set(chain.read)
         inside = {n: (*self.used[n], p) for n, p in self.unknown_of.items()}
         kept = [n for n, pairs in inside.items() if read.isdisjoint(pairs)]
-        match = list[int]()
-        for n in (None, *[n for n in inside if n not in set(kept)]):
-            trial = [*kept, n] if n else kept
-            matched = largest_matching([[place[p] for p in inside[m] if p in place] for m in trial], len(columns))
-            if -1 not in matched:
-                kept, match = trial, matched
-            if len(match) == len(columns):
+        options = {n: [place[p] for p in pairs if p in place] for n, pairs in inside.items()}
+        match = largest_matching([options[n] for n in kept], len(columns))
+        for n in [n for n in inside if n not in set(kept)]:
+            if -1 in match or len(match) == len(columns):
                 break
-        if len(match) != len(columns):
+            larger = largest_matching([options[m] for m in (*kept, n)], len(columns), [*match, -1])
+            if -1 not in larger:
+                kept, match = [*kept, n], larger
+        if -1 in match or len(match) != len(columns):
             return None
+        match = largest_matching([options[n] for n in kept], len(columns))  # whatever was tried before
         unknown_of = {n: columns[k] for n, k in zip(kept, match, strict=True)}
         solver = {p: n for n, p in unknown_of.items()}
         roots = [solver[p] for p in self.wanted if p in solver]

@@ -6,6 +6,7 @@ All logs are synthetic; their seeds stand beside them.
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -96,12 +97,16 @@ MADE = {"turn": turn, "pendulum": pendulum, "belt": belt}
 
 
 @cache
+def logged(name: str) -> tuple[Own, dict[str, Readings]]:
+    own = MADE[name]()
+    times = own.period * np.arange(STEPS)
+    return own, F.draw(own.system, own.start, times, seed=own.seed, inputs=own.inputs).log
+
+
+@cache
 def estimated(name: str) -> tuple[Own, dict[str, Readings], F.FilterStudy, F.System]:
     """A model, its log, the study that estimates all of its noise, and the system with the estimates."""
-    own = MADE[name]()
-    log = F.draw(
-        own.system, own.start, own.period * np.arange(STEPS), seed=own.seed, inputs=own.inputs
-    ).log  # fmt: skip
+    own, log = logged(name)
     noise = own.system.process.noise
     names = [*(f"{n}.deviation" for n in own.system.sensors), *(f"{n}.density" for n in noise)]
     # nothing is known: all noise is declared as 1, in its unit
@@ -120,7 +125,11 @@ def true_noise(system: F.System) -> dict[str, float]:
     return deviations | {f"{n}.density": float(q) for n, q in system.process.noise.items()}
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.proof] * (n != "pendulum")) for n in MADE])
+# each estimate takes 10 s: that of one model each time
+ONE = pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.proof] * (n != "pendulum")) for n in MADE])
+
+
+@ONE
 def test_noise_of_three_models_is_estimated_and_their_nis_is_in_its_band(name: str) -> None:
     own, log, study, _ = estimated(name)
     assert study.status.ok and not study.notes and set(study.noise_source.values()) == {"likelihood"}
@@ -137,23 +146,13 @@ def test_noise_of_three_models_is_estimated_and_their_nis_is_in_its_band(name: s
     assert alarm.nis > alarm.nis_band[1] and sensor in alarm.verdict
 
 
-@pytest.fixture(scope="module")
-def loaded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[ControllerFilter, LoadedStep]]:
-    made = {}
-    for name in MADE:
-        own, _, study, found = estimated(name)
-        start = InitialState(study.start, study.start_deviation)
-        made[name] = ControllerFilter(found, own.period, start)
-    folder = cgen.generate(made, tmp_path_factory.mktemp("c") / "c", name="own").folder
-    library = shared_library(folder, tmp_path_factory.mktemp("library"))
-    faces = step_faces(made, "own", DOUBLE)
-    return {face.key: (made[face.key], LoadedStep(library, face)) for face in faces}
-
-
-@pytest.mark.parametrize("name", list(MADE))
-def test_c_equals_python_over_the_log(name: str, loaded: dict[str, tuple[ControllerFilter, LoadedStep]]) -> None:
-    made, library = loaded[name]
+@ONE
+def test_c_equals_python_over_the_log(name: str, tmp_path: Path) -> None:
     own, log, study, found = estimated(name)
+    made = ControllerFilter(found, own.period, InitialState(study.start, study.start_deviation))
+    folder = cgen.generate({name: made}, tmp_path / "c", name="own").folder
+    (face,) = step_faces({name: made}, "own", DOUBLE)
+    library = LoadedStep(shared_library(folder, tmp_path), face)
     rows = np.zeros(STEPS, dtype_of(made.inputs, DOUBLE))
     for value, flag, _, _ in made.sensor_members:
         rows[value.identifier], rows[flag.identifier] = log[value.name].values[:, 0], 1
@@ -290,7 +289,7 @@ def test_a_rest_does_not_show_a_heading_and_says_so() -> None:
     rest = RestingLog(
         {n: Readings(0.1 * np.arange(100), v + 0.1 * rng.standard_normal(100)) for n, v in (("x", 1.0), ("y", 2.0))}
     )
-    log = estimated("turn")[1]
+    log = logged("turn")[1]
     with pytest.raises(ArgumentError, match="do not determine 'heading'") as caught:
         F.filter_study(own.system, F.FilterStart(from_rest=True), log, rest=rest)
     assert caught.value.argument == "start.deviation"
@@ -311,7 +310,7 @@ def test_a_pendulum_held_at_an_angle_starts_there_and_an_offset_is_said() -> Non
         force = Readings(time, 9.81 * np.cos(0.8) + offset + 0.2 * rng.standard_normal(200))
         return RestingLog({"encoder": angle, "accelerometer": force})
 
-    log = estimated("pendulum")[1]
+    log = logged("pendulum")[1]
     start = F.FilterStart(from_rest=True)
     held = F.filter_study(own.system, start, log, rest=rest(0.0))
     assert held.start["angle"] == pytest.approx([0.8], abs=4e-3) and held.start["rate"] == pytest.approx([0], abs=1e-9)
