@@ -23,7 +23,7 @@ def pytest_collection_finish() -> None:
     """Some thousand collected tests need no searching for garbage at every turn of the collector."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(20_000, 20, 20)
+    gc.set_threshold(100_000, 20, 50)
 
 
 @pytest.fixture(scope="session", autouse=True)
