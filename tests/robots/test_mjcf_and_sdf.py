@@ -182,11 +182,11 @@ def wrong(text: str, old: str, new: str) -> str:
 @pytest.mark.parametrize(
     "text, line, sentence",
     [
-        (wrong(RADIANS, '<joint name="third" axis="0 0 1"', '<joint name="third" type="ball" axis="0 0 1"'), 13,
+        (wrong(RADIANS, '<joint name="third" axis="0 0 1"', '<joint name="third" type="ball" axis="0 0 1"'), 19,
          "joint 'third' is ball"),
-        (wrong(RADIANS, '<joint name="first"', '<freejoint/><joint name="first"'), 5, "free joint"),
+        (wrong(RADIANS, '<joint name="first"', '<freejoint/><joint name="first"'), 5, "joint 'a_joint_1' is free"),
         (wrong(RADIANS, '<joint joint1="third" joint2="first" polycoef="0.1 -1.5 0 0 0"/>',
-               '<connect body1="c" body2="a" anchor="0 0 0"/>'), 19, "<connect> closes a loop"),
+               '<connect body1="c" body2="a" anchor="0 0 0"/>'), 19, "this joint closes a loop"),
         (wrong(RADIANS, '<geom type="box"', '<geom type="mesh" mesh="x"'), 14, "mass of its mesh is not computed"),
         (wrong(RADIANS, 'eulerseq="zyx"', 'eulerseq="zy"'), 2, "eulerseq takes three"),
         (wrong(RADIANS, "<worldbody>", '<include file="arm.xml"/><worldbody>'), 3, "<include> is not read"),
@@ -310,7 +310,7 @@ LOOP = '<joint name="again" type="revolute"><parent>upper</parent><child>lower</
         (wrong(BY_HAND, "<mass>0</mass>", "<mass>-1</mass>"), 2, "it cannot be negative"),
         (wrong(BY_HAND, "<mass>0</mass>", "<mass>heavy</mass>"), 2, "takes a number; found 'heavy'"),
         (wrong(BY_HAND, "<link name=", "<include/><link name="), 2, "<include> inside a model is not read"),
-        (wrong(BY_HAND, "</model>", '<link name="loose"/></model>'), 9, "several links have no parent"),
+        (wrong(BY_HAND, "</model>", '<link name="loose"/></model>'), 9, "no joint connects link 'loose' to 'world'"),
         (wrong(BY_HAND, "0 0 0.5 0 90 0", "0 0 0.5 0 90"), 2, "pose of <pose> takes six numbers"),
         (wrong(BY_HAND, "<lower>-1</lower>", "<loer>-1</loer>"), 8, "<limit> holds the unknown <loer>"),
         (wrong(BY_HAND, "<axis><xyz>0 1 0</xyz></axis>", "<axs/>"), 5, "<joint> holds the unknown <axs>"),
