@@ -130,14 +130,14 @@ def _mechanism(
         if name not in urdf.joints:
             hint = meant(name, urdf.joints, f"there are {', '.join(list(urdf.joints)[:8])}")
             raise gt.ModelError(f"{urdf.file} has no joint '{name}'; {hint}")
-    looped = closing(urdf.joints) is not None
+    at, looped = _coordinates(urdf, start or {}), closing(urdf.joints) is not None
     q = tuple(driven if driven is not None else urdf.driven or _with_motors(urdf, looped))
     for name in q:
         j = urdf.joints[name]
         if j.kind not in MOVING or j.leader is not None:
             why = f"is {j.kind}" if j.leader is None else f"follows '{j.leader}'"
             raise urdf.fault(f"joint '{name}' {why} and cannot be driven", j.line)
-    at, free, leaders = _coordinates(urdf, start or {}), _free(urdf), {j.leader for j in urdf.joints.values()}
+    free, leaders = _free(urdf), {j.leader for j in urdf.joints.values()}
     links, joints = _parts(urdf, free)
     motors = {n for n, j in urdf.joints.items() if n in q or j.leader is not None or n in leaders or j.rotor}
     graph = MechanismGraph(
@@ -155,11 +155,11 @@ def _mechanism(
         values[part] = {"m": link.m, "mc": link.mc, "J": link.J}
         if name in free:
             x, y, z, w = scipy.spatial.transform.Rotation.from_matrix(R).as_quat()
-            values[part] |= {"frame": {"r": {"start": r}}, "attitude": {"e": {"start": [w, x, y, z]}}}
+            values[part] |= {"r": {"start": r}, "attitude": {"e": {"start": [w, x, y, z]}}}
     for name, part in joints.items():
         values[part] = _values(urdf.joints[name], at[name], name in motors)
         if (j := urdf.joints[name]).leader is not None:
-            values[coupling_of(part)] = {"c": np.pad([j.offset, j.multiplier, *j.higher], (0, 3 - len(j.higher)))}
+            values[coupling_of(part)] = {"c": [j.offset, j.multiplier, *j.higher, 0.0, 0.0, 0.0][:5]}
     return mechanism_class(graph)(**values)
 
 

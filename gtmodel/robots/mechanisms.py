@@ -166,10 +166,12 @@ class Mechanism(gt.Model):
 class FreeLink(LinkBody):
     """A link whose orientation no joint determines: a floating body, or one between ball joints."""
 
+    r = gt.variable(3, unit="m", prefer=-3, description="origin of the frame")
     attitude = gt.part(UnitQuaternion)
 
     def equations(self):
         yield gt.tree_root(self.frame)
+        yield self.r == self.frame.r
         yield self.attitude.rotation() == self.frame.R
         yield self.attitude.angular_velocity() == self.frame.w
         yield from super().equations()

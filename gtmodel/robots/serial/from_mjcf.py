@@ -463,8 +463,10 @@ class MjcfReader:
             raise XmlFault(f"joint '{follower.name}' follows '{follower.leader}' too; expected one", rule.line)
         words = rule.attributes.get("polycoef", "0 1 0 0 0").split()
         a = [number(XmlElement("joint", {"polycoef": w}, rule.line), "polycoef") for w in words]
+        if len(a) > 5:
+            raise XmlFault(f"polycoef of <joint> takes five numbers; found {len(a)}", rule.line)
         # q1 - ref1 = a0 + a1 (q2 - ref2) + ...
-        line = [*Polynomial(a)(Polynomial([-leader.drawn, 1.0])).coef.tolist(), 0.0, 0.0]
+        line = (Polynomial(a)(Polynomial([-leader.drawn, 1.0])) + Polynomial(np.zeros(2))).coef.tolist()
         higher = line[2:] if any(line[2:]) else []
         self.joints[follower.name] = replace(
             follower, leader=leader.name, offset=follower.drawn + line[0], multiplier=line[1], higher=tuple(higher)
