@@ -16,7 +16,7 @@ from .base import Context, InputError
 from .files import parse, read
 
 if TYPE_CHECKING:
-    from gtmodel.robots import Mechanism, SerialArm
+    from gtmodel.robots import JointedMechanism, SerialArm
 
 _WORDS = {
     "inertia": "inertia",
@@ -103,9 +103,10 @@ def resolve(
 
 def _from_description(
     reference: str, context: Context, key: str, given: Mapping[str, Any], parameters: Mapping[str, Any]
-) -> SerialArm | Mechanism:
+) -> SerialArm | JointedMechanism:
     """The robot of a URDF, SDF or MJCF file, with notes about ignored elements. Raises InputError."""
-    from gtmodel.robots import Mechanism, robot_of
+    from gtmodel.robots import JointedMechanism
+    from gtmodel.robots.from_file import robot_of
 
     ending = next(e for e in python_models.ARM_FILES if reference.endswith(e) or f"{e}:" in reference)
     form = python_models.ARM_FILES[ending]
@@ -118,7 +119,7 @@ def _from_description(
     except ModelError as error:
         at = "parameters" if "no declaration" in str(error) else key
         raise InputError(python_models.sentence_of(error), at) from error
-    for note in robot.graph.notes if isinstance(robot, Mechanism) else robot.structure.notes:
+    for note in robot.graph.notes if isinstance(robot, JointedMechanism) else robot.structure.notes:
         context.note(f"{path.name}: {note}")
     return robot
 

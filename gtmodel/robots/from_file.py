@@ -14,7 +14,7 @@ from numpy.polynomial import Polynomial
 from .. import lang as gt
 from .._near import meant
 from ..results.read_bounds import XmlFault
-from .mechanisms import Mechanism, MechanismGraph, MechanismJoint, MechanismLink, coupling_of, mechanism_class
+from .mechanisms import JointedMechanism, MechanismGraph, MechanismJoint, MechanismLink, coupling_of, mechanism_class
 from .serial.arm import FRICTION, SerialArm
 from .serial.described import (
     IDENTITY,
@@ -46,7 +46,7 @@ def mechanism(
     redundant: str = "drop",
     smoothing: str = "tanh",
     **modifiers: Any,
-) -> Mechanism:
+) -> JointedMechanism:
     """Return the mechanism of an SDF, MJCF or URDF file: all its links and joints, with branches and closed loops.
 
     Args:
@@ -105,9 +105,9 @@ def read_robot(source: str | Path) -> Urdf:
 
 def robot_of(
     path: str | Path, tip: str | None = None, *, smoothing: str = "tanh", payload: float = 0.0, **modifiers: Any
-) -> SerialArm | Mechanism:
-    """Return the robot that a problem file names: a `SerialArm` to the tip, or a `Mechanism` for the tip "*", and
-    without a tip for a file with loops. Arguments and errors as for `from_urdf` and `mechanism`."""
+) -> SerialArm | JointedMechanism:
+    """Return the robot that a problem file names: a `SerialArm` to the tip, a `JointedMechanism` for the tip "*" and,
+    without a tip, of a file with loops. Arguments and errors as for `from_urdf` and `mechanism`."""
     urdf = read_robot(path)
     if tip != "*" and (tip is not None or closing(urdf.joints) is None):
         return arm_of(urdf, tip, None, smoothing, payload, modifiers)
@@ -121,7 +121,7 @@ def robot_of(
 def _mechanism(
     urdf: Urdf, driven: Sequence[str] | None, start: Mapping[str, float] | None, cut: Sequence[str], redundant: str,
     smoothing: str,
-) -> Mechanism:  # fmt: skip
+) -> JointedMechanism:  # fmt: skip
     if smoothing not in FRICTION:
         raise gt.ModelError(f"friction smoothing is one of {', '.join(FRICTION)}; found {smoothing!r}")
     if redundant not in ("error", "drop"):
@@ -226,17 +226,11 @@ def _free(urdf: Urdf) -> set[str]:
 
 def _parts(urdf: Urdf, free: set[str]) -> tuple[dict[str, str], dict[str, str]]:
     """Return the names of parts, which Python allows, by those of links and of joints in the file."""
-    taken = {"q", "tau", "velocity_scale", *dir(Mechanism), *Mechanism._declared}
+    taken = {"q", "tau", "velocity_scale", *dir(JointedMechanism), *JointedMechanism._declared}
 
     def part(name: str, what: str) -> str:
         word = re.sub(r"\W", "_", name, flags=re.ASCII)
-        if (
-            not word[:1].isalpha()
-            or word in taken
-            or hasattr(Mechanism, word)
-            or word in Mechanism._declared
-            or word in ("q", "tau")
-        ):
+        if not word[:1].isalpha() or word in taken:
             word = f"{word}_{what}" if word[:1].isalpha() else f"{what}_{word}"
         while word in taken:
             word += "_"

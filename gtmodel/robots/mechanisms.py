@@ -73,7 +73,7 @@ class MechanismGraph:
     notes: tuple[str, ...]
 
 
-class Mechanism(gt.Model):
+class JointedMechanism(gt.Model):
     """Base class of mechanisms that `mechanism` reads from files.
 
     Each link is a part with a `frame` and with the parameters of `mechanics.LinkBody`, each joint a part with xyz, rpy
@@ -88,9 +88,9 @@ class Mechanism(gt.Model):
     ...   <joint name="pivot" axis="0 1 0"/><inertial pos="0 0 -0.5" mass="2" diaginertia="0 0 0"/>
     ... </body></worldbody></mujoco>'''
     >>> pendulum = gt.robots.mechanism(text)
-    >>> turn, status = pendulum.causal("tau", "der(pivot.phi,2)", prefer="pivot.phi")(np.pi / 6, 0.0, 0.0)
-    >>> print(round(turn, 4))  # -9.81 / 0.5 * sin(30 degrees)
-    -9.81
+    >>> torque, status = pendulum.causal("q", "tau")([np.pi / 6], [0.0], [0.0])
+    >>> torque.round(6)  # 2 kg, 9.81 m/s2, 0.5 m, sine of 30 degrees
+    array([4.905])
     """
 
     graph: ClassVar[MechanismGraph]
@@ -139,7 +139,7 @@ class Mechanism(gt.Model):
         ...   <joint name="pivot" axis="0 1 0"/><inertial pos="0 0 -0.5" mass="2" diaginertia="0 0 0"/>
         ... </body></worldbody></mujoco>'''
         >>> print(gt.robots.mechanism(text).description())
-        pendulum: 1 links, 1 joints, q (1)
+        pendulum: q (1), 1 joint
           pivot  revolute   world - bob  q[0]
         """
         graph = self.graph
@@ -150,9 +150,7 @@ class Mechanism(gt.Model):
                 ends.setdefault(j.child, ends.get(j.parent, j.parent))
         moving = [(name, j) for name, j in graph.joints if j.kind != "fixed"]
         wide = max([len(j.part) for _, j in moving], default=0)
-        lines = [
-            f"{graph.name}: {sum(bool(k.part) for _, k in graph.links)} links, {len(moving)} joints, q ({len(graph.q)})"
-        ]
+        lines = [f"{graph.name}: q ({len(graph.q)}), {len(moving)} joint{'s' if len(moving) != 1 else ''}"]
         for name, j in moving:
             role = f"q[{graph.q.index(name)}]" if name in graph.q else f"follows {j.leader}" if j.leader else "passive"
             between = f"{ends.get(j.parent, j.parent)} - {ends.get(j.child, j.child)}"
@@ -160,7 +158,8 @@ class Mechanism(gt.Model):
         return "\n".join([*lines, *graph.notes])
 
     def __repr__(self) -> str:
-        return f"Mechanism('{self.graph.name}', {len(self.graph.joints)} joints, {len(self.graph.q)} driven)"
+        joints = sum(j.kind != "fixed" for _, j in self.graph.joints)
+        return f"Mechanism('{self.graph.name}', {joints} joints, {len(self.graph.q)} driven)"
 
 
 class FreeLink(LinkBody):
@@ -245,7 +244,7 @@ def coupling_of(part: str) -> str:
 
 
 @made_by_call
-def mechanism_class(graph: MechanismGraph) -> type[Mechanism]:
+def mechanism_class(graph: MechanismGraph) -> type[JointedMechanism]:
     """Return the class of all mechanisms of a graph; cached."""
 
     def part(cls: type[gt.Model], line: int, **modifiers: Any) -> Any:
@@ -275,4 +274,4 @@ def mechanism_class(graph: MechanismGraph) -> type[Mechanism]:
         body[j.part] = part(cls, j.line, **scale)
         if j.leader is not None:
             body[coupling_of(j.part)] = part(Coupling, j.line)
-    return type("Mechanism", (Mechanism,), body)
+    return type("Mechanism", (JointedMechanism,), body)

@@ -78,7 +78,7 @@ def arm_of(
     """Return the arm to the tip of a file that was read; arguments as for `from_urdf`."""
     if smoothing not in FRICTION:
         raise ModelError(f"friction smoothing is one of {', '.join(FRICTION)}; found {smoothing!r}")
-    advice = f"a serial arm has none: gt.robots.mechanism reads it, in a problem file '{urdf.file}:*'"
+    advice = f"a serial arm has none: read the file with gt.robots.mechanism, or as '{urdf.file}:*' in a problem"
     if (pair := closing(urdf.joints)) is not None:
         raise urdf.fault(f"this joint closes a loop; {advice}", pair[1].line)
     for j in urdf.joints.values():
@@ -116,7 +116,7 @@ def _tip(urdf: Urdf, tip: str | None) -> str:
         every = sorted(tips_of(urdf), key=lambda e: -len(moving[e]))
         raise ModelError(
             f"{urdf.file} has several ends: {', '.join(every[:6])}{', ...' if len(every) > 6 else ''}; name the tool's "
-            f"link, such as tip = '{ends[0]}' or {urdf.file}:{ends[0]}"
+            f"link, such as tip = '{ends[0]}' or {urdf.file}:{ends[0]}; gt.robots.mechanism and {urdf.file}:* read all"
         )
     return ends[0]
 
