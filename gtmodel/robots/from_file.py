@@ -132,6 +132,12 @@ def _mechanism(
             raise gt.ModelError(f"{urdf.file} has no joint '{name}'; {hint}")
     at, looped = _coordinates(urdf, start or {}), closing(urdf.joints) is not None
     q = tuple(driven if driven is not None else urdf.driven or _with_motors(urdf, looped))
+    for j in urdf.joints.values():
+        if j.leader is not None and (kind := urdf.joints[j.leader].kind) not in MOVING:
+            raise urdf.fault(
+                f"joint '{j.name}' follows '{j.leader}', which is {kind}; it can follow a revolute or prismatic one",
+                j.line,
+            )
     for name in q:
         j = urdf.joints[name]
         if j.kind not in MOVING or j.leader is not None:
@@ -139,7 +145,8 @@ def _mechanism(
             raise urdf.fault(f"joint '{name}' {why} and cannot be driven", j.line)
     free, leaders = _free(urdf), {j.leader for j in urdf.joints.values()}
     links, joints = _parts(urdf, free)
-    motors = {n for n, j in urdf.joints.items() if n in q or j.leader is not None or n in leaders or j.rotor}
+    moving = {n: j for n, j in urdf.joints.items() if j.kind in MOVING}
+    motors = {n for n, j in moving.items() if n in q or j.leader is not None or n in leaders or j.rotor}
     graph = MechanismGraph(
         urdf.name, urdf.file, urdf.root,
         tuple((n, MechanismLink(links.get(n, ""), k.line, n in free)) for n, k in urdf.links.items() if n != urdf.root),

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 
@@ -32,6 +31,7 @@ from .described import (
     vector,
 )  # fmt: skip
 from .from_urdf import arm_of
+from .mjcf_poses import TURNED, MjcfPoses
 from .solids import SIZES, SOLIDS
 from .structure import moved, six_of
 
@@ -57,7 +57,6 @@ INSIDE = {"mujoco": TOP, "worldbody": ("body", "geom", *MASSLESS),
           "body": ("body", "inertial", "joint", "freejoint", "geom", *MASSLESS)}  # fmt: skip
 KINDS = {"hinge": "revolute", "slide": "prismatic", "ball": "ball", "free": "free"}
 CLOSURES = {"connect": "ball", "weld": "weld"}  # equalities that close loops, as joints
-TURNED = ("quat", "axisangle", "xyaxes", "zaxis", "euler")
 
 
 def from_mjcf(
@@ -121,16 +120,17 @@ class _Class:
         return _Class(merged)
 
 
-class MjcfReader:
+class MjcfReader(MjcfPoses):
     """Reads one file."""
 
     def __init__(self, file: str, root: XmlElement) -> None:
+        super().__init__()
         self.file, self.root = file, root
         self.notes: list[str] = []
         self.links: dict[str, UrdfLink] = {}
         self.joints: dict[str, UrdfJoint] = {}
         self.classes: dict[str, _Class] = {"": _Class()}
-        self.degrees, self.sequence, self.autolimits, self.from_geoms = True, "xyz", True, "auto"
+        self.autolimits, self.from_geoms = True, "auto"
         self.placed = {"world": IDENTITY}  # bodies as drawn, in the world
         self.sites: dict[str, tuple[str, Pose]] = {}  # body of each site, and pose in it
 
@@ -189,10 +189,7 @@ class MjcfReader:
         for name in ("inertiagrouprange", "settotalmass", "balanceinertia", "boundmass", "boundinertia"):
             if e.attributes.get(name, "false") not in ("false", "0", "-1"):
                 raise XmlFault(f"{name} of <compiler> changes masses and is not read; remove it", e.line)
-        self.degrees = e.attributes.get("angle", "degree") == "degree"
-        self.sequence = e.attributes.get("eulerseq", self.sequence)
-        if len(self.sequence) != 3 or set(self.sequence.lower()) - set("xyz"):
-            raise XmlFault(f"eulerseq takes three of x, y, z, X, Y, Z; found '{self.sequence}'", e.line)
+        self.set(e)
         self.autolimits = e.attributes.get("autolimits", "true") == "true"
         self.from_geoms = e.attributes.get("inertiafromgeom", self.from_geoms)
 
@@ -213,50 +210,6 @@ class MjcfReader:
         if set(TURNED) & set(own):  # an orientation of the element replaces one of its class in another form
             values = {k: v for k, v in values.items() if k not in TURNED}
         return XmlElement(e.tag, {**values, **own}, e.line, e.inside)
-
-    def angle(self, value: float) -> float:
-        return float(np.radians(value)) if self.degrees else value
-
-    def pose(self, e: XmlElement) -> Pose:
-        """Return the pose of an element in its body. Raises XmlFault for two orientations."""
-        given = [name for name in TURNED if name in e.attributes]
-        if len(given) > 1:
-            raise XmlFault(f"<{e.tag}> has the orientations {' and '.join(given)}; expected one", e.line)
-        r = vector(e, "pos", [0.0, 0.0, 0.0])
-        return (self.turned(e, given[0]) if given else np.eye(3)), r
-
-    def turned(self, e: XmlElement, name: str) -> Array:
-        if name == "quat":
-            w, x, y, z = vector(e, name, [1.0, 0.0, 0.0, 0.0])
-            self.unless(w == x == y == z == 0.0, e, name)
-            return scipy.spatial.transform.Rotation.from_quat([x, y, z, w]).as_matrix()
-        if name == "axisangle":
-            *axis, angle = vector(e, name, [0.0] * 4)
-            self.unless(not np.any(axis), e, name)
-            return rotation_about(np.array(axis) / np.linalg.norm(axis), self.angle(angle))
-        if name == "euler":
-            return self.euler([self.angle(a) for a in vector(e, name, [0.0] * 3)])
-        if name == "zaxis":
-            z = vector(e, name, [0.0, 0.0, 1.0])
-            self.unless(not np.any(z), e, name)
-            return shortest_rotation(np.array([0.0, 0.0, 1.0]), z / np.linalg.norm(z))
-        x, y = np.split(vector(e, name, [0.0] * 6), 2)
-        self.unless(np.linalg.norm(np.cross(x, y)) == 0.0, e, name)
-        x = x / np.linalg.norm(x)
-        y = y - (x @ y) * x
-        y = y / np.linalg.norm(y)
-        return np.column_stack([x, y, np.cross(x, y)])
-
-    def euler(self, angles: list[float]) -> Array:
-        R = np.eye(3)
-        for letter, angle in zip(self.sequence, angles, strict=True):
-            turn = rotation_about(np.eye(3)["xyz".index(letter.lower())], angle)
-            R = R @ turn if letter.islower() else turn @ R  # about the turned axes, or about the fixed ones
-        return R
-
-    def unless(self, wrong: bool, e: XmlElement, name: str) -> None:
-        if wrong:
-            raise XmlFault(f"{name} of <{e.tag}> is no orientation; found '{e.attributes[name]}'", e.line)
 
     def body(self, e: XmlElement, parent: str, around: str) -> None:
         name = e.attributes.get("name", f"body_{len(self.links)}")
@@ -325,6 +278,9 @@ class MjcfReader:
         force = vector(e, "actuatorfrcrange", [0.0, 0.0])
         if e.attributes.get("actuatorfrclimited", "auto") == "false":
             force = np.zeros(2)
+        if KINDS[kind] not in MOVING and {"range", "damping", "frictionloss", "armature"} & set(e.attributes):
+            what = f"limits, friction and armature of joint '{name}', which is {kind}"
+            self.notes.append(f"line {e.line}: {what}, are not used")
         if e.attributes.get("stiffness", "0").strip(" 0."):
             self.notes.append(f"line {e.line}: stiffness of joint '{name}' is not used")
         damping = e.attributes.get("damping", "0").split() or ["0"]
