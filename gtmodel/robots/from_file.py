@@ -55,7 +55,7 @@ def mechanism(
             those that `<actuator>` of MJCF names; in a file without these, all joints of a tree, and in one with loops
             those with a limit of effort. A joint without a motor turns freely, up to its friction.
         start: coordinates [rad, m] of joints by name, at which loops are assembled; by default the pose that the file
-            shows, or the nearest limit.
+            shows and, without loops, the nearest limit.
         cut, redundant: as for `gt.loops`; loops of a file have their redundant constraints dropped by default.
         smoothing: of Coulomb friction, as for `from_urdf`.
         modifiers: parameters by part, such as crank={"viscous": 0.1} or world={"g": [0, 0, 0]}.
@@ -130,7 +130,8 @@ def _mechanism(
         if name not in urdf.joints:
             hint = meant(name, urdf.joints, f"there are {', '.join(list(urdf.joints)[:8])}")
             raise gt.ModelError(f"{urdf.file} has no joint '{name}'; {hint}")
-    at, looped = _coordinates(urdf, start or {}), closing(urdf.joints) is not None
+    looped = closing(urdf.joints) is not None
+    at = _coordinates(urdf, start or {}, looped)
     q = tuple(driven if driven is not None else urdf.driven or _with_motors(urdf, looped))
     for j in urdf.joints.values():
         if j.leader is not None and (kind := urdf.joints[j.leader].kind) not in MOVING:
@@ -180,11 +181,12 @@ def _with_motors(urdf: Urdf, looped: bool) -> list[str]:
     return [j.name for j in free if not looped or 0.0 < j.effort < np.inf]
 
 
-def _coordinates(urdf: Urdf, start: Mapping[str, float]) -> dict[str, float]:
+def _coordinates(urdf: Urdf, start: Mapping[str, float], looped: bool) -> dict[str, float]:
     """Return the start value of each joint's coordinate, 0 for joints that have none or several."""
-    known = {n: float(np.clip(j.drawn, j.lower, j.upper)) for n, j in urdf.joints.items() if j.leader is None} | dict(
-        start
-    )
+    known = {n: j.drawn for n, j in urdf.joints.items() if j.leader is None}
+    if not looped:  # a loop closes in the pose that the file shows, even outside of limits
+        known = {n: float(np.clip(x, urdf.joints[n].lower, urdf.joints[n].upper)) for n, x in known.items()}
+    known |= start
 
     def at(j: UrdfJoint, before: tuple[str, ...] = ()) -> float:
         if j.name in before:

@@ -410,9 +410,7 @@ class MjcfReader(MjcfPoses):
 
     def follow(self, rule: XmlElement) -> None:
         follower = self.named(rule, attribute(rule, "joint1"), self.joints, "joint")
-        if "joint2" not in rule.attributes:
-            raise XmlFault("<joint> of <equality> has no joint2; remove the joint that it locks", rule.line)
-        leader = self.named(rule, rule.attributes["joint2"], self.joints, "joint")
+        leader = self.named(rule, rule.attributes.get("joint2", follower.name), self.joints, "joint")
         if wrong := [j for j in (follower, leader) if j.kind not in MOVING]:
             raise XmlFault(f"joint '{wrong[0].name}' is {wrong[0].kind}; only hinge and slide joints follow", rule.line)
         if follower.leader is not None:
@@ -421,6 +419,11 @@ class MjcfReader(MjcfPoses):
         a = [number(XmlElement("joint", {"polycoef": w}, rule.line), "polycoef") for w in words]
         if len(a) > 5:
             raise XmlFault(f"polycoef of <joint> takes five numbers; found {len(a)}", rule.line)
+        if "joint2" not in rule.attributes:  # a lock
+            R, r = follower.pose(follower.drawn + a[0])
+            self.joints[follower.name] = replace(follower, kind="fixed", xyz=r, rpy=rpy_of_rotation(R))
+            self.notes.append(f"line {rule.line}: joint '{follower.name}' is locked at {follower.drawn + a[0]:g}")
+            return
         # q1 - ref1 = a0 + a1 (q2 - ref2) + ...
         line = (Polynomial(a)(Polynomial([-leader.drawn, 1.0])) + Polynomial(np.zeros(2))).coef.tolist()
         higher = line[2:] if any(line[2:]) else []
