@@ -382,18 +382,15 @@ class MjcfReader(MjcfPoses):
             )
         else:
             first, second = attribute(rule, "body1"), rule.attributes.get("body2", "world")
-            drawn, beside = (self.named(rule, body, self.placed, "body") for body in (first, second))
+            drawn, beside = self.named(rule, first, self.placed, "body"), self.named(rule, second, self.placed, "body")
             pose = vector(rule, "relpose", [0.0] * 7) if rule.tag == "weld" else np.zeros(7)
             if np.any(pose[3:]):  # of the second body in the first
-                own, other = (
-                    (
-                        self.turned(XmlElement("weld", {"quat": " ".join(map(str, pose[3:]))}, rule.line), "quat"),
-                        pose[:3],
-                    ),
-                    IDENTITY,
-                )
+                turn = XmlElement("weld", {"quat": " ".join(str(x) for x in pose[3:].tolist())}, rule.line)
+                own, other = (self.turned(turn, "quat"), pose[:3]), IDENTITY
             else:  # as drawn
-                own = np.eye(3), vector(rule, "anchor", [0.0] * 3) if rule.tag == "connect" else np.zeros(3)
+                if rule.tag == "connect":
+                    attribute(rule, "anchor")
+                own = np.eye(3), vector(rule, "anchor", [0.0] * 3)
                 other = relative(beside, composed(drawn, own))
         at = f"{name} frame"
         self.links[at] = UrdfLink(at, rule.line, between=True)
@@ -410,7 +407,7 @@ class MjcfReader(MjcfPoses):
 
     def follow(self, rule: XmlElement) -> None:
         follower = self.named(rule, attribute(rule, "joint1"), self.joints, "joint")
-        leader = self.named(rule, rule.attributes.get("joint2", follower.name), self.joints, "joint")
+        leader = self.named(rule, rule.attributes.get("joint2", str(follower.name)), self.joints, "joint")
         if wrong := [j for j in (follower, leader) if j.kind not in MOVING]:
             raise XmlFault(f"joint '{wrong[0].name}' is {wrong[0].kind}; only hinge and slide joints follow", rule.line)
         if follower.leader is not None:
@@ -440,8 +437,11 @@ class MjcfReader(MjcfPoses):
                 self.notes.append(f"line {a.line}: <{a.tag}> of <actuator> acts on no joint and is not used")
             elif name not in self.joints:
                 raise XmlFault(f"<{a.tag}> of <actuator> names '{name}', which is not a joint", a.line)
-            elif self.joints[name].kind in MOVING:
+            elif self.joints[name].kind in MOVING and self.joints[name].leader is None:
                 names[name] = None
+            else:
+                self.notes.append(f"line {a.line}: <{a.tag}> of <actuator> is not used: joint '{name}' is ball, is "
+                                  "locked or follows another one")  # fmt: skip
         if names:
             self.notes.append("of <actuator>, only the names of the joints are used")
         return tuple(names)
