@@ -40,7 +40,7 @@ UNORIENTED = ("ball", "weld", "free")  # the orientation of the child does not f
 def mechanism(
     path: str | Path,
     *,
-    driven: Sequence[str] | None = None,
+    driven: str | Sequence[str] | None = None,
     start: Mapping[str, float] | None = None,
     cut: Sequence[str] = (),
     redundant: str = "drop",
@@ -51,9 +51,9 @@ def mechanism(
 
     Args:
         path: of the file, or its text; the outermost element tells the format.
-        driven: names of the joints with motors, whose coordinates and efforts are q and tau, in this order. By default
-            those that `<actuator>` of MJCF names; in a file without these, all joints of a tree, and in one with loops
-            those with a limit of effort. A joint without a motor turns freely, up to its friction.
+        driven: name or names of the joints with motors, whose coordinates and efforts are q and tau, in this order. By
+            default those that `<actuator>` of MJCF names; in a file without these, all joints of a tree, and in one
+            with loops those with a limit of effort. A joint without a motor turns freely, up to its friction.
         start: coordinates [rad, m] of joints by name, at which loops are assembled; by default the pose that the file
             shows and, without loops, the nearest limit.
         cut, redundant: as for `gt.loops`; loops of a file have their redundant constraints dropped by default.
@@ -88,7 +88,8 @@ def mechanism(
     >>> print(round(angle, 6), status)
     1.4 OK
     """
-    return _mechanism(read_robot(path), driven, start, cut, redundant, smoothing).with_(**modifiers)
+    motors = [driven] if isinstance(driven, str) else driven
+    return _mechanism(read_robot(path), motors, start, cut, redundant, smoothing).with_(**modifiers)
 
 
 def read_robot(source: str | Path) -> Urdf:
@@ -132,7 +133,7 @@ def _mechanism(
             raise gt.ModelError(f"{urdf.file} has no joint '{name}'; {hint}")
     looped = closing(urdf.joints) is not None
     at = _coordinates(urdf, start or {}, looped)
-    q = tuple(driven if driven is not None else urdf.driven or _with_motors(urdf, looped))
+    q = tuple(dict.fromkeys(driven if driven is not None else urdf.driven or _with_motors(urdf, looped)))
     for j in urdf.joints.values():
         if j.leader is not None and (kind := urdf.joints[j.leader].kind) not in MOVING:
             raise urdf.fault(
