@@ -53,7 +53,7 @@ def mechanism(
         path: of the file, or its text; the outermost element tells the format.
         driven: name or names of the joints with motors, whose coordinates and efforts are q and tau, in this order. By
             default those that `<actuator>` of MJCF names; in a file without these, all joints of a tree, and in one
-            with loops those with a limit of effort. A joint without a motor turns freely, up to its friction.
+            with loops those with a limit of effort. A joint without a motor turns freely, up to friction and spring.
         start: coordinates [rad, m] of joints by name, at which loops are assembled; by default the pose that the file
             shows and, without loops, the nearest limit.
         cut, redundant: as for `gt.loops`; loops of a file have their redundant constraints dropped by default.
@@ -63,8 +63,8 @@ def mechanism(
     A loop closes where a link of an SDF is the child of two joints, or by `<connect>`, a ball joint, and `<weld>` of
     MJCF, which are exact here: solref and solimp are not used. Joints that follow another one (mimic,
     `<equality><joint>` up to the fourth order) act on its effort. SDF's universal, ball and screw joints and MJCF's
-    ball and free joints are read too; they have no motor. Shapes, sensors, springs and tendons, and all of an actuator
-    but the name of its joint, are not used, which `graph.notes` lists.
+    ball and free joints are read too; they have no motor. Shapes, sensors and tendons, and all of an actuator but the
+    name of its joint, are not used, which `graph.notes` lists.
 
     Raises ModelError with file and line for what the formats or this reader do not allow, for names of joints that the
     file does not have, and for a joint that cannot have a motor.
@@ -148,7 +148,7 @@ def _mechanism(
     free, leaders = _free(urdf), {j.leader for j in urdf.joints.values()}
     links, joints = _parts(urdf, free)
     moving = {n: j for n, j in urdf.joints.items() if j.kind in MOVING}
-    motors = {n for n, j in moving.items() if n in q or j.leader is not None or n in leaders or j.rotor}
+    motors = {n for n, j in moving.items() if n in q or j.leader is not None or n in leaders or j.rotor or j.spring[0]}
     graph = MechanismGraph(
         urdf.name, urdf.file, urdf.root,
         tuple((n, MechanismLink(links.get(n, ""), k.line, n in free)) for n, k in urdf.links.items() if n != urdf.root),
@@ -262,5 +262,5 @@ def _values(j: UrdfJoint, at: float, motor: bool) -> dict[str, Any]:
         symbol = "s" if j.kind == "prismatic" else "phi"
         values |= {"axis": j.axis, symbol: {"start": at, "min": j.lower, "max": j.upper}}
         values |= {"viscous": j.damping, "coulomb": j.friction} if j.damping or j.friction else {}
-        values |= {"rotor_inertia": j.rotor} if motor else {}
+        values |= {"rotor_inertia": j.rotor, "stiffness": j.spring[0], "rest": j.spring[1]} if motor else {}
     return values

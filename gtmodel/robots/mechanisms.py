@@ -115,7 +115,12 @@ class JointedMechanism(gt.Model):
     def _efforts(self) -> Iterator[Any]:
         graph, joints = self.graph, dict(self.graph.joints)
         motors = {name: getattr(self, j.part) for name, j in graph.joints if j.motor}
-        efforts = {name: m.effort() + m.rotor_inertia * gt.der(gt.der(m.coordinate())) for name, m in motors.items()}
+        efforts = {
+            name: m.effort()
+            + m.rotor_inertia * gt.der(gt.der(m.coordinate()))
+            + m.stiffness * (m.coordinate() - m.rest)
+            for name, m in motors.items()
+        }
         followers = {name: getattr(self, coupling_of(joints[name].part)) for name in motors if joints[name].leader}
         for name, coupling in followers.items():
             leader = str(joints[name].leader)
@@ -235,6 +240,8 @@ def _joint_class(kind: str, motor: bool, friction: bool, smoothing: str) -> type
     }  # fmt: skip
     if motor:
         body["rotor_inertia"] = gt.parameter(0.0, unit=unit["rotor_inertia"], min=0.0)
+        body["stiffness"] = gt.parameter(0.0, unit=f"{unit['tau']}/{unit['q']}", description="of a spring in the joint")
+        body["rest"] = gt.parameter(0.0, unit=unit["q"], description="coordinate at which the spring is at rest")
     return type("PlacedJoint", (_PlacedJoint,), body)
 
 

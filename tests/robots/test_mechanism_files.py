@@ -179,7 +179,8 @@ TREE = """<mujoco model="tree"><compiler angle="radian"/>
   <worldbody>
     <body name="trunk" pos="0.1 0.2 0.3" euler="0.2 -0.3 0.4"><joint name="waist" axis="0 0 1" damping="0.4"/>
       <geom type="box" size="0.1 0.15 0.2" pos="0 0 0.2"/>
-      <body name="left arm" pos="0 0.2 0.4"><joint name="left" axis="1 0 0.2" ref="0.3" armature="0.05"/>
+      <body name="left arm" pos="0 0.2 0.4">
+        <joint name="left" axis="1 0 0.2" ref="0.3" armature="0.05" stiffness="4" springref="0.2"/>
         <geom type="capsule" fromto="0 0 0 0 0.3 0.1" size="0.04"/>
         <body name="hand" pos="0 0.3 0.1" zaxis="0 0 -1">
           <joint name="hand" type="slide" axis="0 1 1" frictionloss="0.3"/>
@@ -192,7 +193,7 @@ TREE = """<mujoco model="tree"><compiler angle="radian"/>
 
 
 def test_a_tree_equals_mujoco():
-    """Poses of all bodies, mass matrix and gravity, with names that Python does not allow."""
+    """Poses of all bodies, mass matrix, gravity and a spring, with names that Python does not allow."""
     robot = gt.robots.mechanism(TREE)
     assert robot.graph.q == ("waist", "left", "hand", "right", "twist")
     model = mujoco.MjModel.from_xml_string(TREE)
@@ -206,7 +207,7 @@ def test_a_tree_equals_mujoco():
     *pose, efforts, status = dynamics(np.tile(q, (6, 1)), np.zeros((6, 5)), accelerations)
     assert np.all(status == gt.Status.OK)
     assert efforts[1:] - efforts[0] == pytest.approx(M, abs=ROUND_OFF)
-    assert efforts[0] == pytest.approx(data.qfrc_bias, abs=ROUND_OFF)
+    assert efforts[0] == pytest.approx(data.qfrc_bias - data.qfrc_passive, abs=ROUND_OFF)
     for value, expected in zip(
         pose,
         (data.body("left arm").xmat.reshape(3, 3), data.body("hand").xpos, data.body("right arm").xpos,

@@ -52,7 +52,8 @@ class UrdfJoint:
     gear ratio squared (armature in MJCF).
 
     Its coordinate is offset + multiplier x + higher[0] x^2 + ... of the leader's x. `drawn`: its coordinate in the pose
-    that the file shows. `second`: the other axis of a universal joint. `lead`: of a screw [m per turn].
+    that the file shows. `second`: the other axis of a universal joint. `lead`: of a screw [m per turn]. `spring`: its
+    stiffness [N.m/rad, N/m] and its coordinate at rest.
     """
 
     name: str
@@ -77,6 +78,7 @@ class UrdfJoint:
     drawn: float = 0.0
     second: Array | None = None
     lead: float = 0.0
+    spring: tuple[float, float] = (0.0, 0.0)
 
     def pose(self, coordinate: float = 0.0) -> Pose:
         """Return the pose of the child in the parent."""

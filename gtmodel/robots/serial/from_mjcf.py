@@ -278,22 +278,23 @@ class MjcfReader(MjcfPoses):
         force = vector(e, "actuatorfrcrange", [0.0, 0.0])
         if e.attributes.get("actuatorfrclimited", "auto") == "false":
             force = np.zeros(2)
-        if KINDS[kind] not in MOVING and {"range", "damping", "frictionloss", "armature"} & set(e.attributes):
-            what = f"limits, friction and armature of joint '{name}', which is {kind}"
-            self.notes.append(f"line {e.line}: {what}, are not used")
-        if e.attributes.get("stiffness", "0").strip(" 0."):
-            self.notes.append(f"line {e.line}: stiffness of joint '{name}' is not used")
-        damping = e.attributes.get("damping", "0").split() or ["0"]
-        if len(damping) > 1:
-            self.notes.append(f"line {e.line}: damping of joint '{name}' is used in first order only")
+        unused = {"range", "damping", "frictionloss", "armature", "stiffness"} & set(e.attributes)
+        if KINDS[kind] not in MOVING and unused:
+            what = f"{', '.join(sorted(unused))} of joint '{name}', which is {kind}"
+            self.notes.append(f"line {e.line}: {what}, not used")
+        values: dict[str, float] = {}
+        for key in ("damping", "stiffness"):
+            first, *higher = e.attributes.get(key, "0").split() or ["0"]
+            values[key] = number(XmlElement("joint", {key: first}, e.line), key)
+            if higher:
+                self.notes.append(f"line {e.line}: {key} of joint '{name}' is used in first order only")
         if child not in self.links:
             self.links[child] = UrdfLink(child, e.line, between=True)
-        viscous = number(XmlElement("joint", {"damping": damping[0]}, e.line), "damping")
         self.joints[name] = UrdfJoint(
             name, KINDS[kind], e.line, parent, child, r, rpy_of_rotation(R), axis,
-            *limits, effort=float(force[1]) if np.any(force) else np.inf, damping=viscous,
+            *limits, effort=float(force[1]) if np.any(force) else np.inf, damping=values["damping"],
             friction=number(e, "frictionloss", 0.0), rotor=number(e, "armature", 0.0),
-            drawn=reference,
+            drawn=reference, spring=(values["stiffness"], scaled(number(e, "springref", 0.0))),
         )  # fmt: skip
         return place
 

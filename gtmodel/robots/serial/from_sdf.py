@@ -248,8 +248,8 @@ class SdfReader:
                 options[key] = value if 0 <= value < 1e15 else np.inf  # negative: unlimited
         if (dynamics := e.one("dynamics")) is not None:
             options["damping"], options["friction"] = (_value(dynamics, k, 0.0) for k in ("damping", "friction"))
-            if _value(dynamics, "spring_stiffness", 0.0):
-                self.notes.append(f"line {dynamics.line}: spring_stiffness of joint '{name}' is not used")
+            stiffness, rest = (_value(dynamics, f"spring_{k}", 0.0) for k in ("stiffness", "reference"))
+            options["spring"] = stiffness, rest
         if (mimic := e.one("mimic")) is not None:
             multiplier, offset = _value(mimic, "multiplier", 1.0), _value(mimic, "offset", 0.0)
             options |= {"leader": attribute(mimic, "joint"), "multiplier": multiplier}

@@ -85,6 +85,8 @@ def arm_of(
         if j.kind not in (*MOVING, "fixed") or j.higher:
             kind = "a nonlinear follower" if j.higher else j.kind
             raise urdf.fault(f"joint '{j.name}' is {kind}; {advice}", j.line)
+    sprung = [j for j in urdf.joints.values() if j.spring[0]]
+    urdf.notes.extend(f"line {j.line}: stiffness of joint '{j.name}' is not used" for j in sprung)
     if urdf.gravity is not None and np.any(np.abs(urdf.gravity[0] - [0.0, 0.0, -9.81]) > NEAR_GRAVITY):
         urdf.notes.append(f"line {urdf.gravity[1]}: the gravity {urdf.gravity[0].tolist()} m/s2 is not used; that of "
                           "the arm is along -z")  # fmt: skip
