@@ -68,7 +68,9 @@ def nearest_rotation(M: np.ndarray, hand: float = 1.0) -> np.ndarray:
 
 
 def shortest_rotation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the smallest rotation (3, 3) from the unit vector a to the unit vector b, which must not be -a."""
+    """Return the smallest rotation (3, 3) from the unit vector a to the unit vector b; for b = -a one of them."""
+    if a @ b <= -1.0:
+        return rotation_about(right_handed(a)[2], np.pi)
     k = cross_matrix(np.cross(a, b))
     return UNIT + k + k @ k / (1.0 + a @ b)
 

@@ -344,7 +344,8 @@ class Spherical(gt.Model):
 
     def equations(self):
         a, b = self.a, self.b
-        yield b.r == a.r
+        for k in range(3):
+            yield gt.constraint(a, b, b.r[k] == a.r[k], b.f[k], "position along")
         yield a.f + b.f == 0
         yield a.t == 0
         yield b.t == 0

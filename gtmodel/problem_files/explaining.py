@@ -10,7 +10,7 @@ from gtmodel.compiler.causal import compile_causal, flat_of
 from gtmodel.kinematics.mobility import mobility
 from gtmodel.modelica import flat_of_text, python_of
 from gtmodel.modelica.reference import is_reference, libraries, whole
-from gtmodel.robots import SerialArm, description
+from gtmodel.robots import JointedMechanism, SerialArm, description
 
 from . import run
 from .base import Context, InputError
@@ -41,8 +41,8 @@ def of(
         return run.explain(loaded, replace(run.context_of(loaded), full=full))
     context = Context()
     model = resolve(whole(what) if is_reference(what) else what, context, key="")
-    if not targets and isinstance(model, SerialArm):
-        return description(model)
+    if not targets and isinstance(model, SerialArm | JointedMechanism):
+        return description(model) if isinstance(model, SerialArm) else model.description()
     if not targets:
         raise InputError(f"name its --targets; top-level names are {flat_of(model).top()}")
     return "\n".join([compile_causal(model, known, targets, prefer).explain(full), *context.notes])

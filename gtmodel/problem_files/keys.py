@@ -42,7 +42,7 @@ class RobotProblem(Problem):
 
     robot: str = Field(
         description="catalogue name, TOML robot file, URDF, SDF or MJCF file (arm.urdf, arm.urdf:tip, arm.sdf, "
-        "arm.xml), or a model in Python: package.module:Class, file.py:Class"
+        "arm.xml; tree.urdf:* for all branches), or a model in Python: package.module:Class, file.py:Class"
     )
     inertia: str | None = Field(
         default=None, description="identified masses and friction of a catalogue robot; model_2 if left out"

@@ -16,7 +16,7 @@ from .base import Context, InputError
 from .files import parse, read
 
 if TYPE_CHECKING:
-    from gtmodel.robots import SerialArm
+    from gtmodel.robots import JointedMechanism, SerialArm
 
 _WORDS = {
     "inertia": "inertia",
@@ -44,9 +44,9 @@ def resolve(
     """Return the model that a reference names.
 
     Args:
-        reference: catalogue name ("l1_tape"), "robot.toml", "arm.urdf" or "arm.urdf:tip" (also .sdf, and .xml for
-            MJCF), "package.module:Class" or "file.py:Class"; paths start at the problem's folder, then at the working
-            directory.
+        reference: catalogue name ("l1_tape"), "robot.toml", "arm.urdf", "arm.urdf:tip" or "tree.urdf:*" (also .sdf,
+            and .xml for MJCF), "package.module:Class" or "file.py:Class"; paths start at the problem's folder, then at
+            the working directory.
         key: key of the reference in the file, for messages.
         parameters: values of the model's parameters by name.
         inertia, smoothing, velocity_scale [m/s], payload [kg]: options of robots of the catalogue and of robot files;
@@ -69,7 +69,7 @@ def resolve(
     modifiers = dict(parameters or {})
     if python_models.is_arm_file(reference):
         _refuse_options(modifiers, given)
-        arm = _arm(reference, context, key, given, modifiers)
+        arm = _from_description(reference, context, key, given, modifiers)
         context.models.append(arm)
         return arm
     name: str | None = None  # a robot file has the whole geometry
@@ -101,28 +101,27 @@ def resolve(
     return model
 
 
-def _arm(
+def _from_description(
     reference: str, context: Context, key: str, given: Mapping[str, Any], parameters: Mapping[str, Any]
-) -> SerialArm:
-    """The arm of a URDF, SDF or MJCF file, with notes about ignored elements. Raises InputError."""
-    from gtmodel.robots import from_mjcf, from_sdf, from_urdf
+) -> SerialArm | JointedMechanism:
+    """The robot of a URDF, SDF or MJCF file, with notes about ignored elements. Raises InputError."""
+    from gtmodel.robots import JointedMechanism
+    from gtmodel.robots.from_file import robot_of
 
-    read = {".urdf": from_urdf, ".sdf": from_sdf, ".xml": from_mjcf}
-    ending = next(e for e in read if reference.endswith(e) or f"{e}:" in reference)
+    ending = next(e for e in python_models.ARM_FILES if reference.endswith(e) or f"{e}:" in reference)
     form = python_models.ARM_FILES[ending]
     if "inertia" in given:
         raise InputError(f"applies to three-link robots only; an arm's {form} file contains its masses", "inertia")
     name, _, tip = reference.partition(ending)
     path = context.file(f"{name}{ending}", key, "robot", f"{form} file")
     try:
-        arm = read[ending](path, tip.removeprefix(":") or None, **given, **parameters)
+        robot = robot_of(path, tip.removeprefix(":") or None, **given, **parameters)
     except ModelError as error:
-        raise InputError(
-            python_models.sentence_of(error), "parameters" if "no declaration" in str(error) else key
-        ) from error
-    for note in arm.structure.notes:
+        at = "parameters" if "no declaration" in str(error) else key
+        raise InputError(python_models.sentence_of(error), at) from error
+    for note in robot.graph.notes if isinstance(robot, JointedMechanism) else robot.structure.notes:
         context.note(f"{path.name}: {note}")
-    return arm
+    return robot
 
 
 def _refuse_options(parameters: Mapping[str, Any], given: Mapping[str, Any]) -> None:

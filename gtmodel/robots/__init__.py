@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         f1_rotation as f1_rotation,
     )
     from .f1_geometry import F1FiveDof as F1FiveDof, F1Rotation as F1Rotation
+    from .from_file import mechanism as mechanism
     from .inverse_model import InverseModel as InverseModel
     from .kuka import (
         SphericalWristArm as SphericalWristArm,
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
         kr500_limits as kr500_limits,
         kr500_tables as kr500_tables,
     )
+    from .mechanisms import JointedMechanism as JointedMechanism
     from .serial.arm import SerialArm as SerialArm, description as description
     from .serial.dh import as_dh as as_dh, independent_geometry as independent_geometry, serial_arm as serial_arm
     from .serial.from_mjcf import from_mjcf as from_mjcf

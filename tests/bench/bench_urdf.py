@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 
 import gtmodel as gt
+from gtmodel.robots.serial.described import MOVING
 from gtmodel.robots.serial.from_urdf import _Chain, tips_of
-from gtmodel.robots.serial.urdf_file import MOVING, read_urdf
+from gtmodel.robots.serial.urdf_file import read_urdf
 from tests.robots.arm_oracle import Pinocchio
 
 AGREEMENT = 1e-10

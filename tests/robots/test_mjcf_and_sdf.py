@@ -87,9 +87,8 @@ def deviation(text: str, tip: str, followed: np.ndarray, offset: np.ndarray) -> 
     """
     arm = gt.robots.from_mjcf(text)
     model, data = in_mujoco(text)
-    kinematics = arm.causal(known="q", targets=["T", "R"])
     smooth = arm.with_(viscous=np.zeros(model.nv), coulomb=np.zeros(model.nv))
-    dynamics = smooth.causal(known="q", targets="tau")
+    function = smooth.causal(known="q", targets=["T", "R", "tau"])
     body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, tip)
     rng, worst, M = np.random.default_rng(4), 0.0, np.zeros((model.nv, model.nv))
     for _ in range(10):
@@ -97,12 +96,11 @@ def deviation(text: str, tip: str, followed: np.ndarray, offset: np.ndarray) -> 
         data.qpos, data.qvel = followed @ q + offset, followed @ v
         mujoco.mj_forward(model, data)
         mujoco.mj_fullM(model, data, M)
-        T, R, found = kinematics(q)
-        tau, status = dynamics(q, v, a)
+        T, R, tau, status = function(q, v, a)
         # qfrc_bias: gravity, Coriolis and centrifugal terms
         expected = followed.T @ (M @ (followed @ a) + data.qfrc_bias)
         errors = [T - data.xpos[body], R - data.xmat[body].reshape(3, 3), tau - expected]
-        worst = max(worst, *(np.abs(e).max() for e in errors)) if found.ok and status.ok else np.inf
+        worst = max(worst, *(np.abs(e).max() for e in errors)) if status.ok else np.inf
     return worst
 
 
@@ -166,7 +164,7 @@ def drawn(rng: np.random.Generator) -> tuple[str, str]:
     return f"{head}{text}{'</body>' * count}</worldbody></mujoco>", f"b{count - 1}"
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [0, 1, 2, *(pytest.param(n, marks=pytest.mark.proof) for n in (3, 4, 5))])
 def test_drawn_arms(seed):
     """Synthetic arms, numbered by their seed."""
     text, tip = drawn(np.random.default_rng(seed))
@@ -182,11 +180,11 @@ def wrong(text: str, old: str, new: str) -> str:
 @pytest.mark.parametrize(
     "text, line, sentence",
     [
-        (wrong(RADIANS, '<joint name="third" axis="0 0 1"', '<joint name="third" type="ball" axis="0 0 1"'), 13,
+        (wrong(RADIANS, '<joint name="third" axis="0 0 1"', '<joint name="third" type="ball" axis="0 0 1"'), 19,
          "joint 'third' is ball"),
-        (wrong(RADIANS, '<joint name="first"', '<freejoint/><joint name="first"'), 5, "free joint"),
+        (wrong(RADIANS, '<joint name="first"', '<freejoint/><joint name="first"'), 5, "joint 'a_joint_1' is free"),
         (wrong(RADIANS, '<joint joint1="third" joint2="first" polycoef="0.1 -1.5 0 0 0"/>',
-               '<connect body1="c" body2="a" anchor="0 0 0"/>'), 19, "<connect> closes a loop"),
+               '<connect body1="c" body2="a" anchor="0 0 0"/>'), 19, "this joint closes a loop"),
         (wrong(RADIANS, '<geom type="box"', '<geom type="mesh" mesh="x"'), 14, "mass of its mesh is not computed"),
         (wrong(RADIANS, 'eulerseq="zyx"', 'eulerseq="zy"'), 2, "eulerseq takes three"),
         (wrong(RADIANS, "<worldbody>", '<include file="arm.xml"/><worldbody>'), 3, "<include> is not read"),
@@ -256,17 +254,17 @@ def test_an_sdf_equals_its_urdf_in_pinocchio():
     text = sdf_of(URDF / "serial.urdf")
     arm, twin = gt.robots.from_sdf(text), gt.robots.from_urdf(URDF / "serial.urdf")
     oracle = Pinocchio(URDF / "serial.urdf", twin.structure.tool)
-    kinematics, dynamics = arm.causal(known="q", targets=["T", "R"]), arm.causal(known="q", targets="tau")
+    function = arm.causal(known="q", targets=["T", "R", "tau"])
     rng, n = np.random.default_rng(7), len(twin.structure.leaders)
     friction = twin.causal(known="q", targets="tau")
     for _ in range(10):
         q, v, a = rng.uniform(-0.8, 0.8, (3, n))
-        T, R, status = kinematics(q)
+        T, R, tau, status = function(q, v, a)
         r, rotation = oracle.tool(q)
         assert status.ok
         assert T == pytest.approx(r, abs=ROUND_OFF) and R == pytest.approx(rotation, abs=ROUND_OFF)
-        assert dynamics(q, v, a)[0] == pytest.approx(friction(q, v, a)[0], abs=ROUND_OFF)
-        assert dynamics(q, 0 * v, a)[0] == pytest.approx(oracle.efforts(q, 0 * v, a), abs=ROUND_OFF)
+        assert tau == pytest.approx(friction(q, v, a)[0], abs=ROUND_OFF)
+        assert function(q, 0 * v, a)[2] == pytest.approx(oracle.efforts(q, 0 * v, a), abs=ROUND_OFF)
     assert arm.structure.limits() == pytest.approx(twin.structure.limits(), abs=1e-12)
 
 
@@ -310,7 +308,7 @@ LOOP = '<joint name="again" type="revolute"><parent>upper</parent><child>lower</
         (wrong(BY_HAND, "<mass>0</mass>", "<mass>-1</mass>"), 2, "it cannot be negative"),
         (wrong(BY_HAND, "<mass>0</mass>", "<mass>heavy</mass>"), 2, "takes a number; found 'heavy'"),
         (wrong(BY_HAND, "<link name=", "<include/><link name="), 2, "<include> inside a model is not read"),
-        (wrong(BY_HAND, "</model>", '<link name="loose"/></model>'), 9, "several links have no parent"),
+        (wrong(BY_HAND, "</model>", '<link name="loose"/></model>'), 9, "no joint connects link 'loose' to 'world'"),
         (wrong(BY_HAND, "0 0 0.5 0 90 0", "0 0 0.5 0 90"), 2, "pose of <pose> takes six numbers"),
         (wrong(BY_HAND, "<lower>-1</lower>", "<loer>-1</loer>"), 8, "<limit> holds the unknown <loer>"),
         (wrong(BY_HAND, "<axis><xyz>0 1 0</xyz></axis>", "<axs/>"), 5, "<joint> holds the unknown <axs>"),

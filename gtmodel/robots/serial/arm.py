@@ -156,7 +156,7 @@ class _Link(gt.Model):
         yield gt.connect(first.b, second.a)
         yield gt.connect(second.b, self.after)
         yield gt.connect(second.b, self.body.frame)
-        joint, motor, friction = self.driven()
+        joint, motor, friction = self.ports()
         yield gt.connect(joint, motor)
         yield gt.connect(joint, friction)
 
@@ -165,33 +165,29 @@ class _Link(gt.Model):
         return self.placement, self.joint
 
 
-def _revolute(smoothing: str) -> dict[str, Any]:
-    coulomb, viscous = gt.parameter(0.0, unit="N.m"), gt.parameter(0.0, unit="N.m.s/rad")
-    scale = gt.parameter(VELOCITY_SCALE, unit="rad/s")
-    return {
-        "coulomb": coulomb, "viscous": viscous, "velocity_scale": scale, "motor": gt.part(TorqueMotor),
-        "friction": gt.part(FRICTION[smoothing][0], coulomb=coulomb, viscous=viscous, velocity_scale=scale),
-        "coordinate": lambda self: self.joint.shaft.phi,
-        "effort": lambda self: self.motor.torque,
-        "driven": lambda self: (self.joint.shaft, self.motor.shaft, self.friction.shaft),
-    }  # fmt: skip
-
-
-def _prismatic(smoothing: str) -> dict[str, Any]:
-    coulomb, viscous = gt.parameter(0.0, unit="N"), gt.parameter(0.0, unit="kg/s")
-    scale = gt.parameter(VELOCITY_SCALE, unit="m/s")
-    return {
-        "coulomb": coulomb, "viscous": viscous, "velocity_scale": scale, "motor": gt.part(ForceMotor),
-        "friction": gt.part(FRICTION[smoothing][1], coulomb=coulomb, viscous=viscous, velocity_scale=scale),
-        "coordinate": lambda self: self.joint.flange.s,
-        "effort": lambda self: self.motor.force,
-        "driven": lambda self: (self.joint.flange, self.motor.flange, self.friction.flange),
-    }  # fmt: skip
+def drive(kind: JointKind, smoothing: str, motor: bool = True, friction: bool = True) -> dict[str, Any]:
+    """Return the declarations of a joint's motor and friction, and functions for its coordinate, its effort and the
+    ports to connect, first that of `joint`."""
+    turning, units = kind == "revolute", JOINT_UNITS[kind]
+    port, coordinate, effort = ("shaft", "phi", "torque") if turning else ("flange", "s", "force")
+    names = ["joint", *["motor"] * motor, *["friction"] * friction]
+    body: dict[str, Any] = {
+        "coordinate": lambda self: getattr(getattr(self.joint, port), coordinate),
+        "ports": lambda self: [getattr(getattr(self, name), port) for name in names],
+    }
+    if motor:
+        body["motor"] = gt.part(TorqueMotor if turning else ForceMotor)
+        body["effort"] = lambda self: getattr(self.motor, effort)
+    if friction:
+        values = {n: gt.parameter(0.0, unit=units[n]) for n in ("coulomb", "viscous")}
+        values["velocity_scale"] = gt.parameter(VELOCITY_SCALE, unit=units["velocity_scale"])
+        body |= {**values, "friction": gt.part(FRICTION[smoothing][0 if turning else 1], **values)}
+    return body
 
 
 @made_by_call
 def _link_class(style: Style, kind: JointKind, smoothing: str) -> type[_Link]:
-    body = _revolute(smoothing) if kind == "revolute" else _prismatic(smoothing)
+    body = drive(kind, smoothing)
     joint, direction = (Revolute, "axis") if kind == "revolute" else (Prismatic, "v")
     if style == "rpy":
         xyz, rpy = gt.parameter(np.zeros(3), unit="m"), gt.parameter(np.zeros(3), unit="rad")

@@ -14,6 +14,7 @@ from ...geometry.rotations import rotation_of_rpy, rpy_of_rotation
 from ...inference import dependencies
 from ...lang import ModelError
 from .arm import DH_NAMES, FRICTION, SerialArm, arm_class
+from .described import Pose, composed, relative
 from .structure import ArmJoint, ArmStructure, JointKind, moments, moved, shown, started, with_payload, wrong
 from .to_urdf import dh_step
 
@@ -247,7 +248,6 @@ def _joint(kind: str, q: Array, p: Array) -> Array:
     return np.column_stack([c * p[:, 0] - si * p[:, 1], si * p[:, 0] + c * p[:, 1], p[:, 2]])
 
 
-Pose = tuple[Array, Array]
 MEETING = 1e-9  # axes closer than this intersect [m]
 
 
@@ -281,10 +281,10 @@ def as_dh(arm: SerialArm) -> SerialArm:
         numbers[k], following = _step(frames[k], axes[k + 1][0], through)
         frames.append(following)
     ends = [*frames[1:], frames[-1]]  # the link frames
-    tool = _composed(links[-1], (rotation_of_rpy(arm.tool_rpy), np.asarray(arm.tool_xyz, float)))
+    tool = composed(links[-1], (rotation_of_rpy(arm.tool_rpy), np.asarray(arm.tool_xyz, float)))
     m, mc, J = (np.asarray(x, float) for x in (arm.m, arm.mc, arm.J))
-    bodies = [moved(*_relative_to(ends[k], links[k]), m[k], mc[k], J[k]) for k in range(n)]
-    last = _relative_to(ends[-1], tool)
+    bodies = [moved(*relative(ends[k], links[k]), m[k], mc[k], J[k]) for k in range(n)]
+    last = relative(ends[-1], tool)
     values: dict[str, Any] = dict(zip(("theta", "d", "a", "alpha", "beta"), numbers.T, strict=True))
     values |= {"m": m, "mc": np.array([x for x, _ in bodies]), "J": np.array([x for _, x in bodies])}
     values |= {"base_xyz": frames[0][1], "base_rpy": rpy_of_rotation(frames[0][0])}
@@ -298,7 +298,7 @@ def _links(arm: SerialArm) -> tuple[Pose, list[Pose]]:
     base = (rotation_of_rpy(arm.base_rpy), np.asarray(arm.base_xyz, float))
     poses, pose = [], base
     for xyz, rpy in zip(np.asarray(arm.xyz, float), np.asarray(arm.rpy, float), strict=True):
-        pose = _composed(pose, (rotation_of_rpy(rpy), xyz))
+        pose = composed(pose, (rotation_of_rpy(rpy), xyz))
         poses.append(pose)
     return base, poses
 
@@ -337,7 +337,7 @@ def _step(frame: Pose, z: Array, point: Array) -> tuple[Array, Pose]:
         alpha = float(np.arctan2(-(side @ axis), axis[2]))
     x, y, turn = (rotation_of_rpy(v) for v in ([alpha, 0, 0], [0, beta, 0], [0, 0, theta]))
     step = (turn @ x @ y, np.array([a * np.cos(theta), a * np.sin(theta), d]))
-    return np.array([theta, d, a, alpha, beta]), _composed(frame, step)
+    return np.array([theta, d, a, alpha, beta]), composed(frame, step)
 
 
 def _about_z(angle: float) -> Array:
@@ -346,11 +346,3 @@ def _about_z(angle: float) -> Array:
 
 def _unit(v: Array) -> Array:
     return v / np.linalg.norm(v)
-
-
-def _composed(first: Pose, second: Pose) -> Pose:
-    return first[0] @ second[0], first[0] @ second[1] + first[1]
-
-
-def _relative_to(frame: Pose, other: Pose) -> Pose:
-    return frame[0].T @ other[0], frame[0].T @ (other[1] - frame[1])

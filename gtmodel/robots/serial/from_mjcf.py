@@ -1,43 +1,49 @@
-"""Serial arms from MJCF, the XML of MuJoCo: defaults, orientations and joints of bodies as links and joints."""
+"""MJCF, the XML of MuJoCo: defaults, orientations, joints of bodies and equalities as links and joints."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy
+from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 
 from ..._near import meant
 from ...geometry.rotations import rotation_about, rpy_of_rotation, shortest_rotation
 from ...results.read_bounds import XmlFault
 from .arm import SerialArm
+from .described import (
+    IDENTITY,
+    MOVING,
+    Pose,
+    Urdf,
+    UrdfJoint,
+    UrdfLink,
+    XmlElement,
+    attribute,
+    composed,
+    inertia_of,
+    number,
+    read_file,
+    relative,
+    vector,
+)  # fmt: skip
 from .from_urdf import arm_of
+from .mjcf_poses import TURNED, MjcfPoses
+from .solids import SIZES, SOLIDS
 from .structure import moved, six_of
-from .urdf_file import Urdf, UrdfJoint, UrdfLink, XmlElement, attribute, inertia_of, number, read_file, vector
 
 Array = np.ndarray
-Pose = tuple[Array, Array]  # R (3, 3), r (3,)
 DENSITY = 1000.0  # kg/m3, MuJoCo's default
 # sections of the file that change no position, mass or joint
 UNUSED = (
-    "asset",
-    "visual",
-    "statistic",
-    "size",
-    "contact",
-    "sensor",
-    "keyframe",
-    "custom",
-    "actuator",
-    "extension",
-    "tendon",
-)
+    "asset", "visual", "statistic", "size", "contact", "sensor", "keyframe", "custom", "extension", "tendon",
+)  # fmt: skip
 # elements of a body that have no mass
 MASSLESS = ("site", "camera", "light", "plugin")
-TOP = ("compiler", "option", "default", "worldbody", "equality", *UNUSED)
+TOP = ("compiler", "option", "default", "worldbody", "equality", "actuator", *UNUSED)
 ORIENTED = "pos quat axisangle xyaxes zaxis euler"
 # attributes of the elements whose misspelling would change the motion without a word
 ATTRIBUTES = {
@@ -49,7 +55,8 @@ ATTRIBUTES = {
 }  # fmt: skip
 INSIDE = {"mujoco": TOP, "worldbody": ("body", "geom", *MASSLESS),
           "body": ("body", "inertial", "joint", "freejoint", "geom", *MASSLESS)}  # fmt: skip
-TURNED = ("quat", "axisangle", "xyaxes", "zaxis", "euler")
+KINDS = {"hinge": "revolute", "slide": "prismatic", "ball": "ball", "free": "free"}
+CLOSURES = {"connect": "ball", "weld": "weld"}  # equalities that close loops, as joints
 
 
 def from_mjcf(
@@ -91,8 +98,12 @@ def from_mjcf(
     >>> arm, tau.round(3)
     (SerialArm('lever', 1 joints from world to arm), array([-4.905]))
     """
-    urdf = read_file(path, "MJCF", lambda file, root: _Reader(file, root).urdf())
-    return arm_of(urdf, tip, start, smoothing, payload, modifiers)
+    return arm_of(read_mjcf(path), tip, start, smoothing, payload, modifiers)
+
+
+def read_mjcf(source: str | Path) -> Urdf:
+    """Read an MJCF file, or a text that begins with "<". Raises ModelError with file and line."""
+    return read_file(source, "MJCF", lambda file, root: MjcfReader(file, root).urdf())
 
 
 @dataclass
@@ -109,15 +120,19 @@ class _Class:
         return _Class(merged)
 
 
-class _Reader:
+class MjcfReader(MjcfPoses):
+    """Reads one file."""
+
     def __init__(self, file: str, root: XmlElement) -> None:
+        super().__init__()
         self.file, self.root = file, root
         self.notes: list[str] = []
         self.links: dict[str, UrdfLink] = {}
         self.joints: dict[str, UrdfJoint] = {}
         self.classes: dict[str, _Class] = {"": _Class()}
-        self.degrees, self.sequence, self.autolimits, self.from_geoms = True, "xyz", True, "auto"
-        self.references: dict[str, float] = {}
+        self.autolimits, self.from_geoms = True, "auto"
+        self.placed = {"world": IDENTITY}  # bodies as drawn, in the world
+        self.sites: dict[str, tuple[str, Pose]] = {}  # body of each site, and pose in it
 
     def urdf(self) -> Urdf:
         root = self.root
@@ -128,11 +143,13 @@ class _Reader:
             self.compiler(e)
         for e in root.all("default"):
             self.defaults(e, self.classes[""], "main")
-        self.links["world"] = UrdfLink("world", root.line, 0.0, np.zeros(3), np.zeros(6))
+        self.links["world"] = UrdfLink("world", root.line)
         worlds = root.all("worldbody")
         for world in worlds:
+            around = world.attributes.get("childclass", "main")
+            self.place(world, "world", around)
             for body in world.all("body"):
-                self.body(body, "world", world.attributes.get("childclass", "main"))
+                self.body(body, "world", around)
         if not self.joints:
             raise XmlFault("no <body> of the file has a joint", worlds[0].line if worlds else root.line)
         for e in root.all("equality"):
@@ -140,12 +157,9 @@ class _Reader:
         unused = [tag for tag in UNUSED if root.all(tag)]
         if unused:
             self.notes.append(f"not used: {', '.join(unused)}")
-        for e in root.all("option"):
-            gravity = vector(e, "gravity", [0.0, 0.0, -9.81])
-            if np.any(gravity[:2]) or abs(gravity[2] + 9.81) > 0.02:
-                self.notes.append(f"line {e.line}: the gravity {gravity.tolist()} m/s2 is not used; that of the arm is "
-                                  "along -z")  # fmt: skip
-        return Urdf(root.attributes.get("model", "arm"), self.file, "world", self.links, self.joints, self.notes)
+        gravity = next(((vector(e, "gravity", [0.0, 0.0, -9.81]), e.line) for e in root.all("option")), None)
+        name = root.attributes.get("model", "arm")
+        return Urdf(name, self.file, "world", self.links, self.joints, self.notes, self.driven(root), gravity)
 
     def refuse(self, e: XmlElement) -> None:
         for inner in e.inside:
@@ -163,7 +177,7 @@ class _Reader:
                 if name not in names:
                     known = meant(name, names, f"it takes {', '.join(names)}")
                     raise XmlFault(f"<{inner.tag}> has the unknown attribute '{name}'; {known}", inner.line)
-            if e.tag not in UNUSED:
+            if e.tag not in (*UNUSED, "actuator"):
                 self.refuse(inner)
 
     def compiler(self, e: XmlElement) -> None:
@@ -175,10 +189,7 @@ class _Reader:
         for name in ("inertiagrouprange", "settotalmass", "balanceinertia", "boundmass", "boundinertia"):
             if e.attributes.get(name, "false") not in ("false", "0", "-1"):
                 raise XmlFault(f"{name} of <compiler> changes masses and is not read; remove it", e.line)
-        self.degrees = e.attributes.get("angle", "degree") == "degree"
-        self.sequence = e.attributes.get("eulerseq", self.sequence)
-        if len(self.sequence) != 3 or set(self.sequence.lower()) - set("xyz"):
-            raise XmlFault(f"eulerseq takes three of x, y, z, X, Y, Z; found '{self.sequence}'", e.line)
+        self.set(e)
         self.autolimits = e.attributes.get("autolimits", "true") == "true"
         self.from_geoms = e.attributes.get("inertiafromgeom", self.from_geoms)
 
@@ -200,64 +211,26 @@ class _Reader:
             values = {k: v for k, v in values.items() if k not in TURNED}
         return XmlElement(e.tag, {**values, **own}, e.line, e.inside)
 
-    def angle(self, value: float) -> float:
-        return float(np.radians(value)) if self.degrees else value
-
-    def pose(self, e: XmlElement) -> Pose:
-        """Return the pose of an element in its body. Raises XmlFault for two orientations."""
-        given = [name for name in TURNED if name in e.attributes]
-        if len(given) > 1:
-            raise XmlFault(f"<{e.tag}> has the orientations {' and '.join(given)}; expected one", e.line)
-        r = vector(e, "pos", [0.0, 0.0, 0.0])
-        return (self.turned(e, given[0]) if given else np.eye(3)), r
-
-    def turned(self, e: XmlElement, name: str) -> Array:
-        if name == "quat":
-            w, x, y, z = vector(e, name, [1.0, 0.0, 0.0, 0.0])
-            self.unless(w == x == y == z == 0.0, e, name)
-            return scipy.spatial.transform.Rotation.from_quat([x, y, z, w]).as_matrix()
-        if name == "axisangle":
-            *axis, angle = vector(e, name, [0.0] * 4)
-            self.unless(not np.any(axis), e, name)
-            return rotation_about(np.array(axis) / np.linalg.norm(axis), self.angle(angle))
-        if name == "euler":
-            return self.euler([self.angle(a) for a in vector(e, name, [0.0] * 3)])
-        if name == "zaxis":
-            z = vector(e, name, [0.0, 0.0, 1.0])
-            self.unless(not np.any(z), e, name)
-            return shortest_rotation(np.array([0.0, 0.0, 1.0]), z / np.linalg.norm(z))
-        x, y = np.split(vector(e, name, [0.0] * 6), 2)
-        self.unless(np.linalg.norm(np.cross(x, y)) == 0.0, e, name)
-        x = x / np.linalg.norm(x)
-        y = y - (x @ y) * x
-        y = y / np.linalg.norm(y)
-        return np.column_stack([x, y, np.cross(x, y)])
-
-    def euler(self, angles: list[float]) -> Array:
-        R = np.eye(3)
-        for letter, angle in zip(self.sequence, angles, strict=True):
-            turn = rotation_about(np.eye(3)["xyz".index(letter.lower())], angle)
-            R = R @ turn if letter.islower() else turn @ R  # about the turned axes, or about the fixed ones
-        return R
-
-    def unless(self, wrong: bool, e: XmlElement, name: str) -> None:
-        if wrong:
-            raise XmlFault(f"{name} of <{e.tag}> is no orientation; found '{e.attributes[name]}'", e.line)
-
     def body(self, e: XmlElement, parent: str, around: str) -> None:
         name = e.attributes.get("name", f"body_{len(self.links)}")
         around = e.attributes.get("childclass", around)
         if name in self.links:
             raise XmlFault(f"two bodies have the name '{name}'; the first is in line {self.links[name].line}", e.line)
         if e.attributes.get("mocap", "false") == "true":
-            raise XmlFault(f"body '{name}' is a mocap body; a serial arm has none", e.line)
-        if e.all("freejoint"):
-            raise XmlFault(f"body '{name}' has a free joint; a serial arm has a fixed base", e.all("freejoint")[0].line)
+            raise XmlFault(f"body '{name}' is a mocap body, whose motion is not in the file; remove it", e.line)
         if float(e.attributes.get("gravcomp", "0")):
             self.notes.append(f"line {e.line}: gravcomp of body '{name}' is not used")
-        self.links[name] = UrdfLink(name, e.line, 0.0, np.zeros(3), np.zeros(6))  # keeps the order of the file
+        self.links[name] = UrdfLink(name, e.line)  # keeps the order of the file
         pose, at = self.pose(e), np.zeros(3)  # of the body in its parent; position of the last joint in the body
-        moving = [self.filled(j, around) for j in e.all("joint")]
+        self.placed[name] = composed(self.placed[parent], pose)
+        self.place(e, name, around)
+        moving = [
+            self.filled(j, around)
+            if j.tag == "joint"
+            else XmlElement("joint", {**j.attributes, "type": "free"}, j.line)
+            for j in e.inside
+            if j.tag in ("joint", "freejoint")
+        ]
         for n, j in enumerate(moving):
             child = f"{name}/{n + 1}" if n + 1 < len(moving) or np.any(vector(j, "pos", [0.0] * 3)) else name
             at = self.joint(j, parent, child, pose, at, name)
@@ -269,18 +242,25 @@ class _Reader:
         for inner in e.all("body"):
             self.body(inner, name, around)
 
+    def place(self, e: XmlElement, body: str, around: str) -> None:
+        for site in (self.filled(s, around) for s in e.all("site")):
+            if "fromto" not in site.attributes:
+                self.sites[site.attributes.get("name", "")] = body, self.pose(site)
+
     def fixed(self, parent: str, child: str, pose: Pose, line: int) -> None:
         name = f"{child} fixed"
-        zero = np.zeros(3)
-        self.joints[name] = UrdfJoint(name, "fixed", line, parent, child, pose[1], rpy_of_rotation(pose[0]), zero)
+        self.joints[name] = UrdfJoint(
+            name, "fixed", line, parent, child, pose[1], rpy_of_rotation(pose[0]), np.zeros(3)
+        )
 
     def joint(self, e: XmlElement, parent: str, child: str, pose: Pose, at: Array, body: str) -> Array:
         """Add a joint; return its position in the body. at: position of the joint before it, the origin of `parent`."""
         name = e.attributes.get("name", f"{body}_joint_{len(self.joints) + 1}")
         kind = e.attributes.get("type", "hinge")
-        if kind not in ("hinge", "slide"):
-            base = "; a serial arm has a fixed base" if kind == "free" else ""
-            raise XmlFault(f"joint '{name}' is {kind}; expected hinge or slide{base}", e.line)
+        if kind not in KINDS:
+            raise XmlFault(f"joint '{name}' is {kind}; expected one of {', '.join(KINDS)}", e.line)
+        if kind == "free" and parent != "world":
+            raise XmlFault(f"joint '{name}' is free; only children of the world may have a free joint", e.line)
         if name in self.joints:
             first = self.joints[name].line
             raise XmlFault(f"two joints have the name '{name}'; the first is in line {first}", e.line)
@@ -288,29 +268,33 @@ class _Reader:
         if not np.any(axis):
             raise XmlFault(f"the axis of joint '{name}' is zero", e.line)
         axis = axis / np.linalg.norm(axis)
-        place, hinge = vector(e, "pos", [0.0, 0.0, 0.0]), kind == "hinge"
+        place, hinge = vector(e, "pos", [0.0, 0.0, 0.0]) if kind != "free" else at, kind == "hinge"
         scaled = self.angle if hinge else float
         R, r = pose[0], pose[1] + pose[0] @ (place - at)
-        reference = scaled(number(e, "ref", 0.0))
-        self.references[name] = reference
+        reference = scaled(number(e, "ref", 0.0)) if KINDS[kind] in MOVING else 0.0
         if reference:  # the file shows the arm at this coordinate
             R, r = (R @ rotation_about(axis, -reference), r) if hinge else (R, r - R @ axis * reference)
         limits = self.limits(e, scaled)
         force = vector(e, "actuatorfrcrange", [0.0, 0.0])
         if e.attributes.get("actuatorfrclimited", "auto") == "false":
             force = np.zeros(2)
-        if e.attributes.get("stiffness", "0").strip(" 0."):
-            self.notes.append(f"line {e.line}: stiffness of joint '{name}' is not used")
-        damping = e.attributes.get("damping", "0").split() or ["0"]
-        if len(damping) > 1:
-            self.notes.append(f"line {e.line}: damping of joint '{name}' is used in first order only")
+        unused = {"range", "damping", "frictionloss", "armature", "stiffness"} & set(e.attributes)
+        if KINDS[kind] not in MOVING and unused:
+            what = f"{', '.join(sorted(unused))} of joint '{name}', which is {kind}"
+            self.notes.append(f"line {e.line}: {what}, not used")
+        values: dict[str, float] = {}
+        for key in ("damping", "stiffness"):
+            first, *higher = e.attributes.get(key, "0").split() or ["0"]
+            values[key] = number(XmlElement("joint", {key: first}, e.line), key)
+            if higher:
+                self.notes.append(f"line {e.line}: {key} of joint '{name}' is used in first order only")
         if child not in self.links:
-            self.links[child] = UrdfLink(child, e.line, 0.0, np.zeros(3), np.zeros(6))
-        viscous = number(XmlElement("joint", {"damping": damping[0]}, e.line), "damping")
+            self.links[child] = UrdfLink(child, e.line, between=True)
         self.joints[name] = UrdfJoint(
-            name, "revolute" if hinge else "prismatic", e.line, parent, child, r, rpy_of_rotation(R), axis,
-            *limits, effort=float(force[1]) if np.any(force) else np.inf, damping=viscous,
+            name, KINDS[kind], e.line, parent, child, r, rpy_of_rotation(R), axis,
+            *limits, effort=float(force[1]) if np.any(force) else np.inf, damping=values["damping"],
             friction=number(e, "frictionloss", 0.0), rotor=number(e, "armature", 0.0),
+            drawn=reference, spring=(values["stiffness"], scaled(number(e, "springref", 0.0))),
         )  # fmt: skip
         return place
 
@@ -333,7 +317,7 @@ class _Reader:
         if self.from_geoms == "true" or (inertial is None and self.from_geoms == "auto"):
             return self.of_geoms(e, name, geoms)
         if inertial is None:
-            return UrdfLink(name, e.line, 0.0, np.zeros(3), np.zeros(6))
+            return UrdfLink(name, e.line)
         m, (R, r) = number(inertial, "mass"), self.pose(inertial)
         if "fullinertia" in inertial.attributes:
             I = inertia_of(vector(inertial, "fullinertia", [0.0] * 6).tolist())
@@ -359,7 +343,7 @@ class _Reader:
         given = number(g, "mass") if "mass" in g.attributes else None
         if given == 0.0 or (given is None and density == 0.0):
             return 0.0, np.zeros((3, 3)), (np.eye(3), np.zeros(3))
-        if g.attributes.get("shellinertia", "false") == "true" or kind not in _SOLIDS:
+        if g.attributes.get("shellinertia", "false") == "true" or kind not in SOLIDS:
             raise XmlFault(
                 f"body '{body}' has no <inertial>, and the mass of its {kind} is not computed; save the compiled model "
                 "with its inertias first: mujoco.mj_saveLastXML",
@@ -373,9 +357,9 @@ class _Reader:
                 raise XmlFault("fromto of <geom> takes two different points", g.line)
             R, r, size = shortest_rotation(np.array([0.0, 0.0, 1.0]), (a - b) / length), (a + b) / 2, size[:1]
             size += [length / 2] if kind in ("capsule", "cylinder") else [size[0], length / 2]
-        if len(size) < _SIZES[kind] or not all(np.isfinite(size)) or min(size[: _SIZES[kind]]) <= 0:
-            raise XmlFault(f"size of a {kind} takes {_SIZES[kind]} positive numbers; found {size}", g.line)
-        volume, I = _SOLIDS[kind](*size[: _SIZES[kind]])
+        if len(size) < SIZES[kind] or not all(np.isfinite(size)) or min(size[: SIZES[kind]]) <= 0:
+            raise XmlFault(f"size of a {kind} takes {SIZES[kind]} positive numbers; found {size}", g.line)
+        volume, I = SOLIDS[kind](*size[: SIZES[kind]])
         mass = density * volume if given is None else given
         return mass, np.diag(I) * mass, (R, r)
 
@@ -383,63 +367,82 @@ class _Reader:
         for rule in e.inside:
             if rule.attributes.get("active", "true") == "false":
                 continue
-            if rule.tag in ("connect", "weld"):
-                raise XmlFault(
-                    f"<{rule.tag}> closes a loop, which a serial arm has not; write the mechanism with the joints of "
-                    "gt.mechanics",
-                    rule.line,
-                )
-            if rule.tag != "joint":
+            if rule.tag not in (*CLOSURES, "joint"):
                 raise XmlFault(f"<{rule.tag}> of <equality> is not read; remove it", rule.line)
-            self.follow(rule)
+            (self.close if rule.tag in CLOSURES else self.follow)(rule)
 
-    def follow(self, rule: XmlElement) -> None:
-        names = [attribute(rule, "joint1"), rule.attributes.get("joint2")]
-        for name in names:
-            if name is not None and name not in self.references:
-                raise XmlFault(f"<equality> names '{name}', which is not a joint", rule.line)
-        words = rule.attributes.get("polycoef", "0 1 0 0 0").split()
-        a = [number(XmlElement("joint", {"polycoef": w}, rule.line), "polycoef") for w in words] + [0.0] * 5
-        follower, leader = names
-        if leader is None or any(a[2:5]):
-            raise XmlFault("<equality> of joints is read as a line, polycoef = 'a b 0 0 0', with two joints", rule.line)
-        # q1 - ref1 = a + b (q2 - ref2)
-        offset = self.references[follower] + a[0] - a[1] * self.references[leader]
-        j = self.joints[follower]
-        self.joints[follower] = UrdfJoint(
-            j.name, j.kind, j.line, j.parent, j.child, j.xyz, j.rpy, j.axis, j.lower, j.upper, j.velocity, j.effort,
-            j.damping, j.friction, leader, a[1], offset, j.rotor,
+    def close(self, rule: XmlElement) -> None:
+        """Add the ball joint or the weld that closes a loop, and the frame on the other body at which it acts."""
+        name = rule.attributes.get("name", f"{rule.tag}_{len(self.joints)}")
+        name = name if name not in self.joints else f"{name}_{rule.tag}"
+        if number(rule, "torquescale", 1.0) == 0.0:
+            raise XmlFault("<weld> with torquescale 0 holds no rotation; write <connect>", rule.line)
+        if "site1" in rule.attributes:
+            (first, own), (second, other) = (
+                self.named(rule, attribute(rule, s), self.sites, "site") for s in ("site1", "site2")
+            )
+        else:
+            first, second = attribute(rule, "body1"), rule.attributes.get("body2", "world")
+            drawn, beside = self.named(rule, first, self.placed, "body"), self.named(rule, second, self.placed, "body")
+            pose = vector(rule, "relpose", [0.0] * 7) if rule.tag == "weld" else np.zeros(7)
+            if np.any(pose[3:]):  # of the second body in the first
+                turn = XmlElement("weld", {"quat": " ".join(str(x) for x in pose[3:].tolist())}, rule.line)
+                own, other = (self.turned(turn, "quat"), pose[:3]), IDENTITY
+            else:  # as drawn
+                if rule.tag == "connect":
+                    attribute(rule, "anchor")
+                own = np.eye(3), vector(rule, "anchor", [0.0] * 3)
+                other = relative(beside, composed(drawn, own))
+        at = f"{name} frame"
+        self.links[at] = UrdfLink(at, rule.line, between=True)
+        self.fixed(second, at, other, rule.line)
+        self.joints[name] = UrdfJoint(
+            name, CLOSURES[rule.tag], rule.line, first, at, own[1], rpy_of_rotation(own[0]), np.zeros(3)
         )  # fmt: skip
 
+    def named(self, rule: XmlElement, name: str, there: dict[str, Any], what: str) -> Any:
+        if name not in there:
+            raise XmlFault(f"<{rule.tag}> of <equality> names '{name}', which is not a {what}; "
+                           f"{meant(name, there, 'correct it')}", rule.line)  # fmt: skip
+        return there[name]
 
-def _sphere(a: float) -> tuple[float, Array]:
-    return 4 / 3 * np.pi * a**3, np.full(3, 0.4 * a**2)
+    def follow(self, rule: XmlElement) -> None:
+        follower = self.named(rule, attribute(rule, "joint1"), self.joints, "joint")
+        leader = self.named(rule, rule.attributes.get("joint2", str(follower.name)), self.joints, "joint")
+        if wrong := [j for j in (follower, leader) if j.kind not in MOVING]:
+            raise XmlFault(f"joint '{wrong[0].name}' is {wrong[0].kind}; only hinge and slide joints follow", rule.line)
+        if follower.leader is not None:
+            raise XmlFault(f"joint '{follower.name}' follows '{follower.leader}' too; expected one", rule.line)
+        words = rule.attributes.get("polycoef", "0 1 0 0 0").split()
+        a = [number(XmlElement("joint", {"polycoef": w}, rule.line), "polycoef") for w in words]
+        if len(a) > 5:
+            raise XmlFault(f"polycoef of <joint> takes five numbers; found {len(a)}", rule.line)
+        if "joint2" not in rule.attributes:  # a lock
+            R, r = follower.pose(follower.drawn + a[0])
+            self.joints[follower.name] = replace(follower, kind="fixed", xyz=r, rpy=rpy_of_rotation(R))
+            self.notes.append(f"line {rule.line}: joint '{follower.name}' is locked at {follower.drawn + a[0]:g}")
+            return
+        # q1 - ref1 = a0 + a1 (q2 - ref2) + ...
+        line = (Polynomial(a)(Polynomial([-leader.drawn, 1.0])) + Polynomial(np.zeros(2))).coef.tolist()
+        higher = line[2:] if any(line[2:]) else []
+        self.joints[follower.name] = replace(
+            follower, leader=leader.name, offset=follower.drawn + line[0], multiplier=line[1], higher=tuple(higher)
+        )
 
-
-def _box(a: float, b: float, c: float) -> tuple[float, Array]:
-    return 8 * a * b * c, np.array([b**2 + c**2, a**2 + c**2, a**2 + b**2]) / 3
-
-
-def _ellipsoid(a: float, b: float, c: float) -> tuple[float, Array]:
-    return 4 / 3 * np.pi * a * b * c, np.array([b**2 + c**2, a**2 + c**2, a**2 + b**2]) / 5
-
-
-def _cylinder(radius: float, half: float) -> tuple[float, Array]:
-    across = radius**2 / 4 + half**2 / 3
-    return 2 * np.pi * radius**2 * half, np.array([across, across, radius**2 / 2])
-
-
-def _capsule(radius: float, half: float) -> tuple[float, Array]:
-    """A cylinder with two half balls, whose centres of mass are 3/8 of the radius beyond its ends."""
-    tube, ball = 2 * np.pi * radius**2 * half, 4 / 3 * np.pi * radius**3
-    across = tube * (radius**2 / 4 + half**2 / 3)
-    across += ball * (0.4 * radius**2 - (3 / 8 * radius) ** 2 + (half + 3 / 8 * radius) ** 2)
-    along = tube * radius**2 / 2 + ball * 0.4 * radius**2
-    return tube + ball, np.array([across, across, along]) / (tube + ball)
-
-
-# volume and principal moments per mass from the half sizes
-_SOLIDS: dict[str, Any] = {
-    "sphere": _sphere, "box": _box, "ellipsoid": _ellipsoid, "cylinder": _cylinder, "capsule": _capsule,
-}  # fmt: skip
-_SIZES = {"sphere": 1, "box": 3, "ellipsoid": 3, "cylinder": 2, "capsule": 2}
+    def driven(self, root: XmlElement) -> tuple[str, ...]:
+        """Return the joints with an actuator, in the order of the file."""
+        names: dict[str, None] = {}
+        for a in (a for e in root.all("actuator") for a in e.inside):
+            name = a.attributes.get("joint", a.attributes.get("jointinparent"))
+            if name is None:
+                self.notes.append(f"line {a.line}: <{a.tag}> of <actuator> acts on no joint and is not used")
+            elif name not in self.joints:
+                raise XmlFault(f"<{a.tag}> of <actuator> names '{name}', which is not a joint", a.line)
+            elif self.joints[name].kind in MOVING and self.joints[name].leader is None:
+                names[name] = None
+            else:
+                self.notes.append(f"line {a.line}: <{a.tag}> of <actuator> is not used: joint '{name}' is ball, is "
+                                  "locked or follows another one")  # fmt: skip
+        if names:
+            self.notes.append("of <actuator>, only the names of the joints are used")
+        return tuple(names)

@@ -1,4 +1,4 @@
-"""Serial arms from SDF, the format of Gazebo: poses of links and joints relative to any frame."""
+"""SDF, the format of Gazebo: poses of links and joints relative to any frame, as links and joints."""
 
 from __future__ import annotations
 
@@ -13,26 +13,34 @@ from ..._near import meant
 from ...geometry.rotations import rotation_of_rpy, rpy_of_rotation
 from ...results.read_bounds import XmlFault
 from .arm import SerialArm
-from .from_urdf import Pose, arm_of
+from .described import (
+    IDENTITY,
+    Pose,
+    Urdf,
+    UrdfJoint,
+    UrdfLink,
+    XmlElement,
+    attribute,
+    base_of,
+    composed,
+    inertia_of,
+    number,
+    read_file,
+    relative,
+    vector,
+)  # fmt: skip
+from .from_urdf import arm_of
 from .structure import moved, six_of
-from .urdf_file import Urdf, UrdfJoint, UrdfLink, XmlElement, attribute, inertia_of, number, read_file, vector
 
-KINDS = {"revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic", "fixed": "fixed"}
+KINDS = ("revolute", "continuous", "prismatic", "fixed", "universal", "ball", "screw")
 UNUSED = (
-    "visual",
-    "collision",
-    "sensor",
-    "plugin",
-    "light",
-    "gripper",
-    "particle_emitter",
-    "projector",
-    "audio_source",
-)
+    "visual", "collision", "sensor", "plugin", "light", "gripper", "particle_emitter", "projector", "audio_source",
+)  # fmt: skip
 ZERO = np.zeros(3)
 # elements of those whose misspelling would change the motion without a word
 INSIDE = {
-    "joint": "parent child pose axis physics sensor thread_pitch screw_thread_pitch gearbox_ratio",
+    "joint": "parent child pose axis axis2 physics sensor screw_thread_pitch",
+    "axis2": "xyz limit dynamics mimic initial_position use_parent_model_frame",
     "axis": "xyz limit dynamics mimic initial_position use_parent_model_frame",
     "limit": "lower upper effort velocity stiffness dissipation",
     "dynamics": "damping friction spring_reference spring_stiffness", "mimic": "multiplier offset reference",
@@ -64,7 +72,7 @@ def from_sdf(
     what is not used, such as shapes, sensors and springs.
 
     Raises ModelError with file and line for invalid SDF, other joints, several models, nested models and includes, and
-    loops.
+    loops, which `mechanism` reads.
 
     >>> text = '''<sdf version="1.9"><model name="lever">
     ...   <link name="arm">
@@ -81,17 +89,23 @@ def from_sdf(
     >>> arm, tau.round(3)
     (SerialArm('lever', 1 joints from world to arm), array([-4.905]))
     """
-    urdf = read_file(path, "SDF", lambda file, root: _Reader(file, root).urdf())
-    return arm_of(urdf, tip, start, smoothing, payload, modifiers)
+    return arm_of(read_sdf(path), tip, start, smoothing, payload, modifiers)
 
 
-class _Reader:
+def read_sdf(source: str | Path) -> Urdf:
+    """Read an SDF file, or a text that begins with "<". Raises ModelError with file and line."""
+    return read_file(source, "SDF", lambda file, root: SdfReader(file, root).urdf())
+
+
+class SdfReader:
+    """Reads one file."""
+
     def __init__(self, file: str, root: XmlElement) -> None:
         self.file, self.root = file, root
         self.notes: list[str] = []
         self.frames: dict[str, XmlElement] = {}  # links, joints and frames by name
-        self.children: dict[str, str] = {}  # joint that moves each link
-        self.known: dict[str, Pose] = {"__model__": (np.eye(3), ZERO), "world": (np.eye(3), ZERO)}
+        self.gravity: tuple[np.ndarray, int] | None = None
+        self.known = {"__model__": IDENTITY, "world": IDENTITY}
 
     def urdf(self) -> Urdf:
         root = self.root
@@ -123,36 +137,17 @@ class _Reader:
         joints: dict[str, UrdfJoint] = {}
         for e in model.all("joint"):
             self.joint(e, links, joints)
-        rule = self.base(links, joints)
+        world = "world" if any(j.parent == "world" for j in joints.values()) else None
+        if world:
+            links[world] = UrdfLink(world, root.line)
+        base = base_of(links, joints, world)
+        for e in (g for w in root.all("world") for g in w.all("gravity")):
+            self.gravity = _numbers(e, 3), e.line
         counts = {tag: sum(len(e.all(tag)) for e in [model, *model.all("link"), *model.all("joint")]) for tag in UNUSED}
         if unused := [f"{n} <{tag}>" for tag, n in counts.items() if n]:
             self.notes.append(f"not used: {', '.join(unused)}")
-        return Urdf(model.attributes.get("name", "arm"), self.file, rule, links, joints, self.notes)
-
-    def base(self, links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> str:
-        """Return the base. Raises XmlFault for a loop, and for links that are not connected to it."""
-        parents: dict[str, UrdfJoint] = {}
-        for j in joints.values():
-            parents[j.child] = j
-        if any(j.parent == "world" for j in joints.values()):
-            links["world"] = UrdfLink("world", self.root.line, 0.0, ZERO, np.zeros(6))
-        roots = [name for name in links if name not in parents]
-        if not roots:
-            raise XmlFault("the joints form a loop: every link has a parent", next(iter(joints.values())).line)
-        if len(roots) > 1:
-            other = next(name for name in roots if name != "world")
-            raise XmlFault(
-                f"several links have no parent: {', '.join(roots[:4])}; expected one, the base", links[other].line
-            )
-        reached, waiting = {roots[0]}, [roots[0]]
-        while waiting:
-            at = waiting.pop()
-            waiting += [j.child for j in joints.values() if j.parent == at and j.child not in reached]
-            reached.update(waiting)
-        if lost := [name for name in links if name not in reached]:
-            raise XmlFault(f"link '{lost[0]}' is not connected to '{roots[0]}': its joints form a loop",
-                           links[lost[0]].line)  # fmt: skip
-        return roots[0]
+        name = model.attributes.get("name", "arm")
+        return Urdf(name, self.file, base, links, joints, self.notes, gravity=self.gravity)
 
     def link(self, e: XmlElement) -> UrdfLink:
         name, inertial = attribute(e, "name"), e.one("inertial")
@@ -190,9 +185,7 @@ class _Reader:
                 "frame": lambda: element.attributes.get("attached_to", ""),
             }
             to = default.get(element.tag, lambda: "")() or "__model__"
-        R, r = self.placed(to, pose or element, (*within, name))
-        own = _pose(pose)
-        self.known[name] = R @ own[0], R @ own[1] + r
+        self.known[name] = composed(self.placed(to, pose or element, (*within, name)), _pose(pose))
         return self.known[name]
 
     def joint(self, e: XmlElement, links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> None:
@@ -204,31 +197,32 @@ class _Reader:
         for side, link in (("parent", parent), ("child", child)):
             if link not in links and not (side == "parent" and link == "world"):
                 raise XmlFault(f"the {side} '{link}' of joint '{name}' is not a link", e.line)
-        if child in self.children:
-            raise XmlFault(
-                f"link '{child}' is the child of '{self.children[child]}' and of '{name}', which closes a loop; a "
-                "serial arm has none: write the mechanism with the joints of gt.mechanics",
-                e.line,
-            )
-        self.children[child] = name
-        (RP, rP), (RJ, rJ), (RC, rC) = (self.placed(n, e) for n in (parent, name, child))
+        above, at, below = (self.placed(n, e) for n in (parent, name, child))
         options: dict[str, Any] = {}
         axis = np.array([0.0, 0.0, 1.0])
-        element = e.one("axis")
-        if kind != "fixed" and element is not None:
-            axis, options = self.axis(element, name, kind, RJ)
+        element, second = e.one("axis"), e.one("axis2")
+        if (second is not None) != (kind == "universal"):
+            have = "has no" if second is None else "has an"
+            raise XmlFault(f"joint '{name}' is {kind} and {have} <axis2>, which belongs to universal joints", e.line)
+        if kind not in ("fixed", "ball") and element is not None:
+            axis, options = self.axis(element, name, kind, at[0])
+        if second is not None:
+            options = {"second": self.axis(second, name, kind, at[0])[0]}
+        if kind == "screw":
+            _text(e, "screw_thread_pitch")
+            options = {"lead": _value(e, "screw_thread_pitch", 0.0)}
+        if kind in ("universal", "ball", "screw") and any(a.all("limit") or a.all("dynamics") for a in e.inside):
+            self.notes.append(f"line {e.line}: limits and friction of joint '{name}', which is {kind}, are not used")
         follower = child
-        offset = RJ.T @ RC, RJ.T @ (rC - rJ)
-        if np.any(offset[1]) or not np.array_equal(offset[0], np.eye(3)):
-            follower = f"{child} joint frame"
-            links[follower] = UrdfLink(follower, e.line, 0.0, ZERO, np.zeros(6))
+        offset, (R, r) = relative(at, below), relative(above, at)
+        if not all(np.array_equal(x, y) for x, y in zip(at, below, strict=True)):
+            follower = f"{name} frame"
+            links[follower] = UrdfLink(follower, e.line, between=True)
             rest = f"{name} to {child}"
             joints[rest] = UrdfJoint(
                 rest, "fixed", e.line, follower, child, offset[1], rpy_of_rotation(offset[0]), ZERO
             )  # fmt: skip
-        joints[name] = UrdfJoint(
-            name, kind, e.line, parent, follower, RP.T @ (rJ - rP), rpy_of_rotation(RP.T @ RJ), axis, **options
-        )
+        joints[name] = UrdfJoint(name, kind, e.line, parent, follower, r, rpy_of_rotation(R), axis, **options)
 
     def axis(self, e: XmlElement, name: str, kind: str, R: np.ndarray) -> tuple[np.ndarray, dict[str, Any]]:
         xyz = e.one("xyz")
@@ -254,8 +248,8 @@ class _Reader:
                 options[key] = value if 0 <= value < 1e15 else np.inf  # negative: unlimited
         if (dynamics := e.one("dynamics")) is not None:
             options["damping"], options["friction"] = (_value(dynamics, k, 0.0) for k in ("damping", "friction"))
-            if _value(dynamics, "spring_stiffness", 0.0):
-                self.notes.append(f"line {dynamics.line}: spring_stiffness of joint '{name}' is not used")
+            stiffness, rest = (_value(dynamics, f"spring_{k}", 0.0) for k in ("stiffness", "reference"))
+            options["spring"] = stiffness, rest
         if (mimic := e.one("mimic")) is not None:
             multiplier, offset = _value(mimic, "multiplier", 1.0), _value(mimic, "offset", 0.0)
             options |= {"leader": attribute(mimic, "joint"), "multiplier": multiplier}

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..._near import meant
-from ...geometry.rotations import rotation_about, rotation_of_rpy, rpy_of_rotation
+from ...geometry.rotations import rpy_of_rotation
 from ...lang import ModelError
 from .arm import FRICTION, SerialArm, arm_class
+from .described import IDENTITY, MOVING, Pose, Urdf, UrdfJoint, closing, composed
 from .structure import ArmJoint, ArmStructure, LinkShape, moved, started, with_payload
-from .urdf_file import MOVING, Urdf, UrdfJoint, read_urdf
+from .urdf_file import read_urdf
 
 Array = np.ndarray
-Pose = tuple[Array, Array]  # R (3, 3), r (3,)
-IDENTITY: Pose = (np.eye(3), np.zeros(3))
+NEAR_GRAVITY = 0.02  # m/s2; files round 9.81
 
 
 def from_urdf(
@@ -51,7 +51,7 @@ def from_urdf(
     locked; `structure.notes` lists it, and all elements that were not used, such as shapes and transmissions.
 
     Raises ModelError with file and line for invalid URDF, floating and planar joints, loops, and several moving chains
-    if no tip is given.
+    if no tip is given; `mechanism` reads all chains.
 
     >>> text = '''<robot name="lever">
     ...   <link name="base"/>
@@ -78,6 +78,18 @@ def arm_of(
     """Return the arm to the tip of a file that was read; arguments as for `from_urdf`."""
     if smoothing not in FRICTION:
         raise ModelError(f"friction smoothing is one of {', '.join(FRICTION)}; found {smoothing!r}")
+    advice = f"a serial arm has none: read the file with gt.robots.mechanism, or as '{urdf.file}:*' in a problem"
+    if (pair := closing(urdf.joints)) is not None:
+        raise urdf.fault(f"this joint closes a loop; {advice}", pair[1].line)
+    for j in urdf.joints.values():
+        if j.kind not in (*MOVING, "fixed") or j.higher:
+            kind = "a nonlinear follower" if j.higher else j.kind
+            raise urdf.fault(f"joint '{j.name}' is {kind}; {advice}", j.line)
+    sprung = [j for j in urdf.joints.values() if j.spring[0]]
+    urdf.notes.extend(f"line {j.line}: stiffness of joint '{j.name}' is not used" for j in sprung)
+    if urdf.gravity is not None and np.any(np.abs(urdf.gravity[0] - [0.0, 0.0, -9.81]) > NEAR_GRAVITY):
+        urdf.notes.append(f"line {urdf.gravity[1]}: the gravity {urdf.gravity[0].tolist()} m/s2 is not used; that of "
+                          "the arm is along -z")  # fmt: skip
     return _Chain(urdf, _tip(urdf, tip)).arm(start, smoothing, payload, modifiers)
 
 
@@ -106,7 +118,7 @@ def _tip(urdf: Urdf, tip: str | None) -> str:
         every = sorted(tips_of(urdf), key=lambda e: -len(moving[e]))
         raise ModelError(
             f"{urdf.file} has several ends: {', '.join(every[:6])}{', ...' if len(every) > 6 else ''}; name the tool's "
-            f"link, such as tip = '{ends[0]}' or {urdf.file}:{ends[0]}"
+            f"link, such as tip = '{ends[0]}' or {urdf.file}:{ends[0]}; gt.robots.mechanism and {urdf.file}:* read all"
         )
     return ends[0]
 
@@ -119,20 +131,6 @@ def _path(urdf: Urdf, tip: str) -> list[UrdfJoint]:
         path.append(parent[tip])
         tip = parent[tip].parent
     return path[::-1]
-
-
-def _pose(j: UrdfJoint, coordinate: float = 0.0) -> Pose:
-    """Return the pose of the child in the parent."""
-    R = rotation_of_rpy(j.rpy)
-    if j.kind == "prismatic":
-        return R, j.xyz + R @ (coordinate * j.axis)
-    if j.kind == "fixed" or coordinate == 0.0:
-        return R, j.xyz
-    return R @ rotation_about(j.axis, coordinate), j.xyz
-
-
-def _composed(first: Pose, second: Pose) -> Pose:
-    return first[0] @ second[0], first[0] @ second[1] + first[1]
 
 
 class _Chain:
@@ -148,12 +146,12 @@ class _Chain:
         moving = {j.name for j in self.moving}
         for j in self.path:
             if j.name in moving:
-                R, r = _composed(pose, _pose(j))
+                R, r = composed(pose, j.pose())
                 # without fixed joints in between, the numbers of the file are kept exactly
                 placements.append((j.xyz, j.rpy) if direct else (r, rpy_of_rotation(R)))
                 pose, direct = IDENTITY, True
             else:
-                pose, direct = _composed(pose, _pose(j, self.locked_at(j))), False
+                pose, direct = composed(pose, j.pose(self.locked_at(j))), False
         xyz, rpy = (np.array(column) for column in zip(*placements, strict=True))
         structure = ArmStructure(
             urdf.name, tuple(self.joints()), "rpy", urdf.root, self.tip, smoothing, tuple(dict.fromkeys(self.notes)),
@@ -222,7 +220,7 @@ class _Chain:
                 if j.name in bodies:
                     waiting.append((j.child, bodies[j.name], IDENTITY))
                 else:
-                    waiting.append((j.child, body, _composed((R, r), _pose(j, self.locked_at(j)))))
+                    waiting.append((j.child, body, composed((R, r), j.pose(self.locked_at(j)))))
 
     def values(self) -> dict[str, Array]:
         """Return mass, first moments and inertia of each moving link with the links fixed to it."""
@@ -245,5 +243,5 @@ class _Chain:
                             f"line {j.line}: joint '{j.name}' is not on the chain to '{self.tip}'; it is locked at "
                             f"{self.locked_at(j):g}, and the masses of its links are included"
                         )
-                    waiting.append((j.child, _composed((R, r), _pose(j, self.locked_at(j)))))
+                    waiting.append((j.child, composed((R, r), j.pose(self.locked_at(j)))))
         return {"m": m, "mc": mc, "J": J}

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,57 +13,25 @@ import scipy
 from ..._near import meant
 from ...geometry.distances import bounding_capsule
 from ...geometry.rotations import rotation_of_rpy, rpy_of_rotation
-from ...lang import ModelError
-from ...results.disk import path_of
-from ...results.read_bounds import XmlFault, walk_xml
+from ...results.read_bounds import XmlFault
+from .described import (
+    MOVING,
+    Segment,
+    Urdf,
+    UrdfJoint,
+    UrdfLink,
+    XmlElement,
+    attribute,
+    base_of,
+    closing,
+    inertia_of,
+    number,
+    read_file,
+    vector,
+)  # fmt: skip
 from .structure import moved, six_of
 
-
-@dataclass
-class XmlElement:
-    """An element with its tag, attributes, first line, inner elements and text."""
-
-    tag: str
-    attributes: dict[str, str]
-    line: int
-    inside: list[XmlElement] = field(default_factory=list)
-    text: str = ""
-
-    def all(self, tag: str) -> list[XmlElement]:
-        """Return the direct inner elements with a tag."""
-        return [e for e in self.inside if e.tag == tag]
-
-    def one(self, tag: str) -> XmlElement | None:
-        """Return the inner element with a tag, or None. Raises XmlFault if there are several."""
-        several = self.all(tag)
-        if len(several) > 1:
-            raise XmlFault(f"<{self.tag}> holds {len(several)} <{tag}>; expected one", several[1].line)
-        return several[0] if several else None
-
-
-def parsed(content: bytes) -> XmlElement:
-    """Return the outermost element. Raises XmlFault for invalid XML and for declared entities."""
-    outside = XmlElement("", {}, 1)
-    stack = [outside]
-
-    def begin(tag: str, attributes: dict[str, str], line: int) -> None:
-        element = XmlElement(tag, attributes, line)
-        stack[-1].inside.append(element)
-        stack.append(element)
-
-    def end() -> None:
-        stack.pop()
-
-    def text(part: str) -> None:
-        stack[-1].text += part
-
-    walk_xml(content, begin, end, text)
-    return outside.inside[0]
-
-
 Array = np.ndarray
-MOVING = {"revolute", "continuous", "prismatic"}
-COUNTED = {2: "two", 3: "three", 4: "four", 6: "six"}
 KINDS = (*sorted(MOVING), "fixed")
 DEGREES = 13.0  # rad; limits beyond two turns are probably degrees
 MILLIMETRES = 100.0  # m; origins farther away are probably millimetres
@@ -89,47 +56,6 @@ LEFT_OUT = {
 }  # fmt: skip
 
 
-Segment = tuple[Array, Array, float]  # both ends (3,) [m] in the link's frame, and radius [m], of a capsule
-
-
-@dataclass(frozen=True)
-class UrdfLink:
-    """A link with mass [kg], first moments (3) [kg m] and inertia (6) [kg m2] in its frame, its line, and capsules
-    around its collision shapes."""
-
-    name: str
-    line: int
-    m: float
-    mc: Array
-    J: Array
-    capsules: tuple[Segment, ...] = ()
-
-
-@dataclass(frozen=True)
-class UrdfJoint:
-    """A joint as written; `leader` is the name of the joint that it mimics, `rotor` the inertia of its motor times the
-    gear ratio squared (armature in MJCF)."""
-
-    name: str
-    kind: str
-    line: int
-    parent: str
-    child: str
-    xyz: Array
-    rpy: Array
-    axis: Array
-    lower: float = -np.inf
-    upper: float = np.inf
-    velocity: float = np.inf
-    effort: float = np.inf
-    damping: float = 0.0
-    friction: float = 0.0
-    leader: str | None = None
-    multiplier: float = 1.0
-    offset: float = 0.0
-    rotor: float = 0.0
-
-
 # half length, axis and radius of a capsule around each collision shape; a cylinder's capsule is longer by its radius
 SHAPES: dict[str, Callable[[XmlElement], tuple[float, int, float]]] = {
     "sphere": lambda e: (0.0, 2, number(e, "radius")),
@@ -139,48 +65,9 @@ SHAPES: dict[str, Callable[[XmlElement], tuple[float, int, float]]] = {
 }
 
 
-@dataclass(frozen=True)
-class Urdf:
-    """The links and joints of a file by name, its root link, and notes about elements that are not used."""
-
-    name: str
-    file: str
-    root: str
-    links: dict[str, UrdfLink]
-    joints: dict[str, UrdfJoint]
-    notes: list[str] = field(default_factory=list)
-
-    def joints_on(self, link: str) -> list[UrdfJoint]:
-        """Return the joints whose parent is a link, in the order of the file."""
-        return [j for j in self.joints.values() if j.parent == link]
-
-    def fault(self, sentence: str, line: int) -> ModelError:
-        """Return an error at a line of the file."""
-        return ModelError(f"{self.file}, line {line}: {sentence}")
-
-
 def read_urdf(source: str | Path) -> Urdf:
     """Read a URDF file, or a text that begins with "<". Raises ModelError with file and line."""
-    return read_file(source, "URDF", lambda file, robot: _Reader(file, robot).urdf())
-
-
-def read_file(source: str | Path, kind: str, read: Callable[[str, XmlElement], Urdf]) -> Urdf:
-    """Read a file, or a text that begins with "<"; kind: of the text, for messages. Raises ModelError with file and
-    line."""
-    path_of(source, "source")
-    text = str(source)
-    if text.lstrip().startswith("<"):
-        file, content = f"{kind} text", text.encode()
-    else:
-        file = Path(source).name
-        try:
-            content = Path(source).read_bytes()
-        except OSError as error:
-            raise ModelError(f"{text} cannot be read: {error.strerror}") from None
-    try:
-        return read(file, parsed(content))
-    except XmlFault as fault:
-        raise ModelError(f"{file}, line {fault.line}: {fault.sentence}") from None
+    return read_file(source, "URDF", lambda file, robot: UrdfReader(file, robot).urdf())
 
 
 @contextmanager
@@ -195,7 +82,9 @@ def _naming(owner: XmlElement) -> Iterator[None]:
         raise XmlFault(f"{owner.tag} '{name}': {fault.sentence}", fault.line) from None
 
 
-class _Reader:
+class UrdfReader:
+    """Reads one file."""
+
     def __init__(self, file: str, robot: XmlElement) -> None:
         self.file, self.robot = file, robot
         self.notes: list[str] = []
@@ -225,7 +114,18 @@ class _Reader:
         if not links:
             raise XmlFault("<robot> holds no <link>", robot.line)
         self.count(robot)
-        root = self.root(links, joints)
+        for j in joints.values():
+            for name, side in ((j.parent, "parent"), (j.child, "child")):
+                if name not in links:
+                    raise XmlFault(f"the {side} '{name}' of joint '{j.name}' is not a link", j.line)
+        if (pair := closing(joints)) is not None:
+            first, second = pair
+            raise XmlFault(
+                f"link '{second.child}' is the child of '{first.name}' and of '{second.name}'; URDF has no loops: "
+                "describe a closed mechanism in SDF or MJCF, or as a gtmodel model",
+                second.line,
+            )
+        root = base_of(links, joints)
         for joint in joints.values():
             if joint.leader is not None and joint.leader not in joints:
                 raise XmlFault(f"joint '{joint.name}' mimics '{joint.leader}', which is not a joint", joint.line)
@@ -273,7 +173,7 @@ class _Reader:
         name = attribute(e, "name")
         inertial, capsules = e.one("inertial"), self.capsules(e)
         if inertial is None:
-            return UrdfLink(name, e.line, 0.0, np.zeros(3), np.zeros(6), capsules)
+            return UrdfLink(name, e.line, capsules=capsules)
         mass, inertia = inertial.one("mass"), inertial.one("inertia")
         if mass is None or inertia is None:
             missing = "mass" if mass is None else "inertia"
@@ -341,37 +241,6 @@ class _Reader:
             options["multiplier"], options["offset"] = number(mimic, "multiplier", 1.0), number(mimic, "offset", 0.0)
         return UrdfJoint(name, kind, e.line, ends[0], ends[1], xyz, rpy, axis / (length or 1.0), **options)
 
-    def root(self, links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> str:
-        parents: dict[str, UrdfJoint] = {}
-        for j in joints.values():
-            for link, side in ((j.parent, "parent"), (j.child, "child")):
-                if link not in links:
-                    raise XmlFault(f"the {side} '{link}' of joint '{j.name}' is not a link", j.line)
-            if j.child in parents:
-                raise XmlFault(
-                    f"link '{j.child}' is the child of '{parents[j.child].name}' and of '{j.name}'; URDF has no loops: "
-                    "write a closed mechanism as a gtmodel model",
-                    j.line,
-                )
-            parents[j.child] = j
-        roots = [name for name in links if name not in parents]
-        if not roots:
-            first = next(iter(joints.values()))
-            raise XmlFault("the joints form a loop: every link has a parent", first.line)
-        if len(roots) > 1:
-            raise XmlFault(f"several links have no parent: {', '.join(roots[:4])}; expected one", links[roots[1]].line)
-        reached, waiting = {roots[0]}, [roots[0]]
-        while waiting:
-            children = [j.child for j in joints.values() if j.parent == waiting[-1]]
-            waiting.pop()
-            reached.update(children)
-            waiting += children
-        detached = next((name for name in links if name not in reached), None)
-        if detached is not None:
-            raise XmlFault(f"link '{detached}' is not connected to '{roots[0]}': its joints form a loop",
-                           links[detached].line)  # fmt: skip
-        return roots[0]
-
     def count(self, robot: XmlElement) -> None:
         counts = dict.fromkeys(LEFT_OUT, 0)
         others: dict[str, int] = {}
@@ -421,41 +290,3 @@ def _origin(e: XmlElement) -> tuple[Array, Array]:
     if abs(norm - 1.0) > UNIT_NORM:
         raise XmlFault(f"quat_xyzw of <origin> has the norm {norm:.4g}; expected 1", origin.line)
     return xyz, rpy_of_rotation(scipy.spatial.transform.Rotation.from_quat(quaternion).as_matrix())
-
-
-def inertia_of(entries: Sequence[float]) -> Array:
-    """Return the tensor (3, 3) from xx, yy, zz, xy, xz, yz."""
-    xx, yy, zz, xy, xz, yz = entries
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
-def attribute(e: XmlElement, name: str) -> str:
-    if name not in e.attributes:
-        raise XmlFault(f"<{e.tag}> has no attribute '{name}'", e.line)
-    return e.attributes[name]
-
-
-def number(e: XmlElement, name: str, default: float | None = None) -> float:
-    if default is not None and name not in e.attributes:
-        return default
-    text = attribute(e, name)
-    try:
-        value = float(text)
-    except ValueError:
-        raise XmlFault(f"{name} of <{e.tag}> takes a number; found '{text[:40]}'", e.line) from None
-    if not np.isfinite(value):
-        raise XmlFault(f"{name} of <{e.tag}> must be finite; found '{text[:40]}'", e.line)
-    return value
-
-
-def vector(e: XmlElement, name: str, default: list[float]) -> Array:
-    if name not in e.attributes:
-        return np.array(default)
-    words, count = e.attributes[name].split(), len(default)
-    try:
-        value = np.array([float(w) for w in words])
-    except ValueError:
-        value = np.full(count, np.nan)
-    if value.shape != (count,) or not np.all(np.isfinite(value)):
-        raise XmlFault(f"{name} of <{e.tag}> takes {COUNTED[count]} numbers; found '{e.attributes[name][:40]}'", e.line)
-    return value
