@@ -23,7 +23,8 @@ from ..results.refusal import ArgumentError
 from ..results.status import SolveStatus
 from ..results.study import Study
 from ..results.work import CREW, Crew, Interrupted, Work, WorkOptions, study_function
-from ..workers.each import WorkerDied, each
+from ..workers.each import WorkerDied
+from ..workers.mapped import shared
 from .design import Design, Method, design
 from .row import Keyed, Record, Store, Task, ran
 
@@ -161,8 +162,7 @@ def _run(
             left.append(position)
             yield plan[k], folder
 
-    crew = CREW.get() or Crew()
-    results = each(task, items(), workers=crew.workers, executor=crew.executor, stop=work.interrupted, ordered=False)
+    results = shared(CREW.get() or Crew(), task, items(), work.interrupted, ordered=False)
     try:
         with closing(results):
             for one in results:
