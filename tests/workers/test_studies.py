@@ -91,9 +91,26 @@ def optima() -> Any:
 def motion() -> Any:
     s = gt.motion.study(
         ROBOT, [0.0, -0.9, 0.1], [0.2, -0.9, 0.2], limits=gt.motion.Limits(force=700.0),
-        mesh=gt.motion.MotionMesh(elements=6), starts=gt.motion.Starts(count=2),
+        mesh=gt.motion.MotionMesh(elements=4), starts=gt.motion.Starts(count=2),
     )  # fmt: skip
     return s.objective, s.message, s.iterations, s.files
+
+
+def motions() -> Any:
+    ends = {"start": gt.motion.End([0.0, -0.9, 0.1]), "goal": gt.motion.End([0.2, -0.9, 0.2])}
+    limits, mesh = gt.motion.Limits(force=700.0), gt.motion.MotionMesh(elements=4)
+    problems = [
+        gt.motion.MotionProblem(robot=ROBOT, **ends, limits=limits, mesh=mesh, cost=gt.motion.Cost(energy=w))
+        for w in (0.0, 1e-5)
+    ]
+    s = gt.motion.table_study([gt.motion.TableRow(f"row {n}", p) for n, p in enumerate(problems)])
+    return s.entries, s.message, s.files
+
+
+def fused() -> Any:
+    values = gt.filtering.FusionSweep("acceleration_bias", (0.0, 1.0))
+    s = gt.filtering.fusion_study(gt.filtering.TrackedPath(duration=0.1), sweep=values)
+    return s.sweep_values, s.sweep_fused, s.sweep_slope, s.sweep_consistent
 
 
 def gains() -> Any:
@@ -120,9 +137,12 @@ def drawn() -> Any:
     return gt.inference.monte_carlo(Sine(), 5, seed=3).results
 
 
-@pytest.mark.parametrize(
-    "study", [workspace, accuracy, table, calibrated, excitation, optima, motion, gains, folds, blocks, drawn]
-)  # fmt: skip
+MAPS = [
+    workspace, accuracy, table, calibrated, excitation, optima, motion, motions, fused, gains, folds, blocks, drawn
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("study", MAPS)
 def test_workers_change_nothing(study: Callable[[], Any], crew: Crew) -> None:
     with using(workers=0):
         here = study()
