@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
@@ -102,16 +103,20 @@ class Store:
         if self._folder is None or again:
             self._memory[name] = record
             return
-        path = self._path(name)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, (json.dumps(record, ensure_ascii=False) + "\n").encode(), overwrite=True)
+        path, data = self._path(name), (json.dumps(record, ensure_ascii=False) + "\n").encode()
+        try:
+            write_whole(path, data, overwrite=True)
+        except FileNotFoundError:  # the first one of its folder
+            os.makedirs(os.path.dirname(path), exist_ok=True)
+            write_whole(path, data, overwrite=True)
 
     def get(self, name: str) -> Record | None:
         """Return the record of a row that is done; None if there is none."""
         if name in self._memory or self._folder is None:
             return self._memory.get(name)
         try:
-            record = json.loads(self._path(name).read_bytes())
+            with open(self._path(name), "rb") as file:
+                record = json.loads(file.read())
         except (FileNotFoundError, ValueError):
             return None
         except OSError as error:
@@ -119,9 +124,8 @@ class Store:
         same = all(_unchanged(path, digest) for path, digest in record.get("inputs", {}).items())
         return record if same else None
 
-    def _path(self, name: str) -> Path:
-        assert self._folder is not None
-        return self._folder / name[:2] / f"{name}.json"
+    def _path(self, name: str) -> str:
+        return f"{self._folder}/{name[:2]}/{name}.json"  # a Path costs more than the file
 
 
 @cache

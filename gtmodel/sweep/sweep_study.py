@@ -187,25 +187,29 @@ def _unexpected(error: Exception) -> Record:
 def _made(
     plan: Design, numbers: range, names: Sequence[str], store: Store, runs: Path | None, show: Sequence[str], title: str
 ) -> Sweep:
-    shown, seen = dict[str, None](), dict[str, None]()
-    failed, done = [], 0
-    for k, name in zip(numbers, names, strict=True):
-        if (record := store.get(name)) is not None:
-            done += 1
-            seen |= dict.fromkeys(record["values"])
-            shown |= dict.fromkeys(record.get("shown", ()))
-            if record["status"] != SolveStatus.SOLVED.value:
-                failed.append(k)
-    quantities = [name for name in seen if name not in plan.keys]
-    head = ["row", *plan.keys, "status", *quantities, *(["run"] if runs is not None else []), "message"]
-    table: dict[str, list[Any]] = {name: [] for name in head}
+    shown, done, failed = dict[str, None](), 0, list[int]()
+    table: dict[str, list[Any]] = {name: [] for name in ("row", *plan.keys, "status")}
+    others = ("run", "message") if runs is not None else ("message",)
+    last, measured = {name: list[Any]() for name in others}, dict[str, list[Any]]()
     for k, name in zip(numbers, names, strict=True):
         if (record := store.get(name)) is None:
             continue
-        cells = plan[k] | {"row": k, "run": name[:12], "status": record["status"], "message": record["message"]}
-        values = record["values"]
-        for column, entries in table.items():
-            entries.append(cells[column] if column in cells else values.get(column))
+        status = record["status"]
+        if status != SolveStatus.SOLVED.value:
+            failed.append(k)
+        shown |= dict.fromkeys(record.get("shown", ()))
+        cells = plan[k] | {"row": k, "run": name[:12], "status": status, "message": record["message"]}
+        for column, entries in (table | last).items():
+            entries.append(cells[column])
+        for quantity, value in record["values"].items():
+            if quantity not in cells:
+                entries = measured.setdefault(quantity, [])
+                entries += [None] * (done - len(entries))  # rows before this one do not have it
+                entries.append(value)
+        done += 1
+    for entries in measured.values():
+        entries += [None] * (done - len(entries))
+    table, quantities = table | measured | last, list(measured)
     for name in show:
         if name not in quantities:
             raise ArgumentError(f"there is no quantity '{name}'; there are {', '.join(quantities) or 'none'}", "show")

@@ -59,7 +59,6 @@ def identified_axis(
     [11.5, 0.05]
     """
     from ..._control import control
-
     from ...vibration import Record
 
     u = np.asarray(reference, float)
@@ -214,7 +213,6 @@ def identified_tool(motor: Any, tool: Any, sample_time: float = SAMPLE_TIME, ord
     (2, 3)
     """
     from ..._control import control
-
     from ...vibration import Record
 
     zc, z = np.asarray(motor, float), np.asarray(tool, float)

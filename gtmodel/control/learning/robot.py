@@ -152,7 +152,6 @@ def linear_axis(
     [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.181]
     """
     from ..._control import control
-
     from ...simulation import linearize
 
     if delay < 0:
