@@ -93,6 +93,11 @@ class Store:
         versions = {name: v for name, v in written.versions().items() if name != "platform"}
         self._same = json.dumps([identity, versions], sort_keys=True)
 
+    @property
+    def kept(self) -> bool:
+        """Whether a later call finds the records."""
+        return self._folder is not None
+
     def name(self, keys: Mapping[str, Any]) -> str:
         """Return the name of a row: a hash of its content and the versions."""
         text = self._same + json.dumps(plain(keys), sort_keys=True)
@@ -121,6 +126,8 @@ class Store:
             return None
         except OSError as error:
             raise ArgumentError(f"{self._path(name)} cannot be read: {error.strerror}", "folder") from error
+        if not isinstance(record, dict) or not {"status", "message", "values"} <= record.keys():
+            return None  # written by something else
         same = all(_unchanged(path, digest) for path, digest in record.get("inputs", {}).items())
         return record if same else None
 

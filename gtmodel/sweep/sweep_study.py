@@ -223,7 +223,9 @@ def _made(
             first = f"row {failed[0]} ({keys}): {table['status'][at]}: {table['message'][at]}"
         checks = {"rows_failed": at_most(float(len(failed)), 0.0, first)}
     status = SolveStatus.SOLVED if done == len(names) else SolveStatus.INTERRUPTED
-    left = f"{done} of {len(names)} rows are done; the same call with the same folder runs the others"
+    left = f"{done} of {len(names)} rows are done"
+    if store.kept:
+        left += "; the same call with the same folder runs the others"
     return Sweep(
         status=status, message="" if status.ok else left, title=title, rows_declared=len(names), rows_done=done,
         rows_solved=done - len(failed), failed=failed, keys=plan.keys, table=table, checks=checks,

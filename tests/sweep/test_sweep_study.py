@@ -122,6 +122,15 @@ def test_a_row_with_an_unexpected_error_is_repeated(tmp_path: Path) -> None:
     assert len(list(tmp_path.glob("out/rows/*/*.json"))) == 1
 
 
+@pytest.mark.parametrize("text", ["", '{"status": "sol', "[]", "{}"])
+def test_a_damaged_record_is_made_again(text: str, ran: Path, tmp_path: Path) -> None:
+    given: dict[str, Any] = dict(workers=0, folder=tmp_path / "out", identity="1")
+    first = gt.sweep.study(partial(counted, ran, 0.0), {"x": [1.0, 2.0]}, **given)
+    next(tmp_path.glob("out/rows/*/*.json")).write_text(text)
+    assert csv_of(gt.sweep.study(partial(counted, ran, 0.0), {"x": [1.0, 2.0]}, **given).table) == csv_of(first.table)
+    assert len(runs_of(ran)) == 3
+
+
 def test_a_function_without_an_identity_keeps_no_rows(ran: Path, tmp_path: Path) -> None:
     for _ in range(2):
         gt.sweep.study(partial(counted, ran, 0.0), {"x": [1.0]}, workers=0, folder=tmp_path / "out")
