@@ -55,7 +55,8 @@ def test_a_row_that_kills_three_workers_is_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize("elsewhere", [False, True])
 def test_an_error_belongs_to_its_row(elsewhere: bool, rows: Rows) -> None:
     found = rows(fails, range(4)) if elsewhere else list(each(fails, range(4)))
-    assert [done.value for done in found] == [0, None, None, 3]
+    assert [done.value for done in found] == [None, None, None, 3]
+    assert "sys.exit(3)" in str(found[0].error)
     assert "1 and 2" in str(found[1].error)
     assert isinstance(found[2].error, ValueError) and str(found[2].error) == "no such pose"
 
@@ -92,7 +93,9 @@ def test_threads_need_no_pickle() -> None:
     assert [done.value for done in found] == [0, 1, 4, 9, 16]
 
 
-@pytest.mark.parametrize(("argument", "given"), [("workers", {"workers": -1}), ("executor", {"executor": 3})])
+@pytest.mark.parametrize(
+    ("argument", "given"), [("workers", {"workers": -1}), ("workers", {"workers": "2"}), ("executor", {"executor": 3})]
+)
 def test_wrong_arguments_are_named(argument: str, given: dict[str, Any]) -> None:
     with pytest.raises(ArgumentError) as caught:
         each(product, range(2), **given)
