@@ -96,7 +96,7 @@ def fusion_study(
     if c is not None and c.nis not in c.band and path.axes == 3:
         work.progress("likelihood of other densities", 0.9)
         preferred = _preferred(scene, design, work)
-    stopped = filtered.stopped or swept.pop("stopped", False) or work.interrupted()
+    stopped = swept.pop("stopped", False) or filtered.stopped or work.interrupted()
     return answer(filtered, swept, preferred, stopped=stopped)
 
 
