@@ -12,7 +12,7 @@ from typing import Any
 
 from ..results.refusal import ArgumentError
 from ..results.work import never
-from .cluster import Elsewhere
+from .cluster import CLOSED, Elsewhere
 from .processes import Pool, Processes, count_of
 from .task import DEATHS, Replies, attempted
 
@@ -149,9 +149,7 @@ class _Handout:
                 dead.append(batch)
                 continue
             if future.cancelled():
-                raise ArgumentError(
-                    "its scheduler or its workers were closed before the last row; start them", "executor"
-                )
+                raise ArgumentError(CLOSED, "executor")
             seconds, replies = future.result()
             fitting = int(BATCH_S * len(replies) / max(seconds, 1e-9))
             self.rows = max(1, min(fitting, 2 * len(replies), MOST))

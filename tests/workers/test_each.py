@@ -93,6 +93,13 @@ def test_threads_need_no_pickle() -> None:
     assert [done.value for done in found] == [0, 1, 4, 9, 16]
 
 
+def test_an_executor_closed_on_the_way_is_named() -> None:
+    with ThreadPoolExecutor(1) as executor, pytest.raises(ArgumentError) as caught:
+        for _ in each(abs, range(100), executor=executor):
+            executor.shutdown()
+    assert caught.value.argument == "executor"
+
+
 @pytest.mark.parametrize(
     ("argument", "given"), [("workers", {"workers": -1}), ("workers", {"workers": "2"}), ("executor", {"executor": 3})]
 )
