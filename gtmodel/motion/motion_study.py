@@ -248,8 +248,8 @@ def table_study(
         return solved(row.problem, work, number=n)
 
     items = ((n, row, work.seconds_left()) for n, row in enumerate(rows, 1))
-    with closing(mapped(_row_solved, items, here=here, waiting=work.interrupted)) as found:
-        for study in found:
+    with closing(mapped(_row_solved, items, here=here, waiting=work.interrupted)) as solutions:
+        for study in solutions:
             studies.append(study)
             if not study.status.converged:
                 break

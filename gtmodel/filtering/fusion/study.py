@@ -325,8 +325,8 @@ def _swept(
         work.progress(f"{sweep.parameter} {value:.4g}", 0.3 + 0.7 * len(rows) / len(sweep.values))
         return task(value, stop=work.interrupted)
 
-    with closing(mapped(task, sweep.values, here=here, waiting=work.interrupted)) as found:
-        for row in found:
+    with closing(mapped(task, sweep.values, here=here, waiting=work.interrupted)) as results:
+        for row in results:
             if row is None:
                 break
             rows.append(row)
