@@ -35,4 +35,4 @@ def crew_of(workers: int | None, cluster: str | None, *, all_cores: bool = False
     except ArgumentError as error:
         if error.argument not in ("cluster", "executor"):
             raise
-        raise InputError(f"--cluster {error.message}") from error
+        raise InputError(f"{'--cluster' if cluster else CLUSTER} {error.message}") from error

@@ -13,6 +13,7 @@ them; classes and functions of a notebook, of a file without a package, or made 
 
 from __future__ import annotations
 
+import copyreg
 import io
 import pickle
 import sys
@@ -54,6 +55,13 @@ class Portable:
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Any:
         return _copied(self, memo)
+
+
+class PortableError(Exception):
+    """Base class of errors that are made of more than their text, which the standard module cannot make again."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
 
 
 class Interned(Portable):

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import gc
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
+from gtmodel.results.work import Crew
 from tests.shaking import pytest_addoption, pytest_configure, pytest_report_header
 from tests.support.math_text import keep_parsed
 
@@ -29,6 +31,14 @@ def pytest_collection_finish() -> None:
 @pytest.fixture(scope="session", autouse=True)
 def formulas_kept() -> None:
     keep_parsed()
+
+
+@pytest.fixture(scope="session")
+def crew() -> Iterator[Crew]:
+    """Two worker processes for all tests, as one study would keep them: to start them takes longer than a test."""
+    crew = Crew(workers=2)
+    yield crew
+    crew.close()
 
 
 BEGUN: dict[str, dict[str, Any]] = {}

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import copy
+import inspect
 import multiprocessing
 import pickle
 import subprocess
 import sys
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import suppress
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +20,9 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
+from docs._ext.public_names import LIBRARIES, public
 from gtmodel._files import problems_dir
-from gtmodel._pickling import dumps
+from gtmodel._pickling import Portable, dumps
 from gtmodel.compiler.flat_cache import flat_of, with_values
 from tests.support.commands import environment
 from tests.support.mechanisms import FourBar, dropped
@@ -117,6 +121,49 @@ def test_a_causal_function_elsewhere_gives_equal_numbers_and_equal_c(case: str, 
 def test_a_regressor_with_newton_blocks_elsewhere(worker: Executor) -> None:
     regressor = gt.identify.Regressor(gt.robots.make("d1_six_link"), ["m_p"])
     assert worker.submit(content_of, dumps(regressor)).result() == content(regressor)
+
+
+PUBLIC = {
+    f"{library}.{name}": item
+    for library in ["", *LIBRARIES]
+    for name, item in public(library).items()
+    if inspect.isclass(item) and not getattr(item, "_is_protocol", False)
+}
+
+
+def filled(cls: type) -> Any:
+    """An object of a class with numbers and functions in its fields; None if only its library makes it."""
+    if issubclass(cls, BaseException):
+        made = {"solution": gt.results.Study(status=gt.SolveStatus.FAILED, message="one sentence")}
+        made["simulation"] = made["solution"]
+        named = [p for p in inspect.signature(cls.__init__).parameters.values() if p.kind is p.POSITIONAL_OR_KEYWORD]
+        needed = [p.name for p in named if p.name != "self" and p.default is p.empty]
+        error = cls(*(made.get(name, "one sentence") for name in needed or [""]))
+        error.add_note("the traceback of a worker")
+        return error
+    if not is_dataclass(cls):
+        return None
+    given = {"status": gt.SolveStatus.SOLVED, "message": "", "title": ""}
+    function = (lambda: 1.0) if issubclass(cls, Portable) else near
+    value = cls.__new__(cls)
+    for number, field in enumerate(fields(cls)):
+        with suppress(AttributeError):  # a property
+            number_or_function = function if "Callable" in str(field.type) else 0.5 + number
+            object.__setattr__(value, field.name, given.get(field.name, number_or_function))
+    return value
+
+
+def test_every_public_class_survives_the_standard_module() -> None:
+    """Whatever its constructor takes; what its objects hold is tested with the examples of the docstrings."""
+    for name, cls in PUBLIC.items():
+        assert pickle.loads(pickle.dumps(cls)) is cls, name
+        value = filled(cls)
+        if value is None:
+            continue
+        back = pickle.loads(pickle.dumps(value))
+        assert type(back) is cls and content(back) == content(value), name
+        if isinstance(value, BaseException):
+            assert str(back) == str(value) and back.__notes__ == value.__notes__, name
 
 
 def test_a_linear_system_elsewhere(worker: Executor) -> None:

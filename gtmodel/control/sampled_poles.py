@@ -58,7 +58,7 @@ def linearize_sampled(
     12 True
     51 False
     """
-    import control  # slow to import, and only needed here
+    from .._control import control  # slow to import, and only needed here
 
     (count,), _, _ = actuators(plant, known, targets)
     if not (np.isfinite(period) and period > 0 and np.isfinite(delay) and delay >= 0):

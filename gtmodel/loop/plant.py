@@ -13,11 +13,12 @@ import casadi as ca
 import numpy as np
 import scipy
 
+from .._pickling import PortableError
 from ..compiler.causal import CausalFunction
 from ..results.agreement import numbers_of
 
 
-class PlantStopped(RuntimeError):
+class PlantStopped(PortableError, RuntimeError):
     """The plant failed on the way; holds one sentence and the time until which the plant worked [s]."""
 
     def __init__(self, sentence: str, time: float) -> None:

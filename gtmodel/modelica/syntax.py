@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from .._pickling import PortableError
 from ..lang.source import ModelError, SourceLocation, of_frame
 
 
@@ -51,7 +52,7 @@ class Place(NamedTuple):
 SHOWN = 100  # characters of a text line in an error message
 
 
-class ModelicaError(ModelError):
+class ModelicaError(PortableError, ModelError):
     """Error in a Modelica text, or a construct that gtmodel does not support; shows file, line number and line."""
 
     def __init__(self, sentence: str, place: Place | None = None) -> None:
@@ -60,9 +61,6 @@ class ModelicaError(ModelError):
         if len(text) > SHOWN:
             text = f"{text[:SHOWN]}..."
         super().__init__(f"{sentence}: {text}" if text else sentence, place.where if place is not None else None)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.sentence, self.place)
 
 
 @dataclass(eq=False, slots=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import closing
 from functools import partial
 from typing import Annotated, Any, Unpack
 
@@ -15,6 +16,7 @@ from ..results import ArgumentError, SolveStatus, Trajectory, Work, at_most
 from ..results.check import failed_of
 from ..results.options import Long
 from ..results.work import WorkOptions, study_function
+from ..workers.mapped import mapped
 from .constraints import clearances
 from .finer_mesh import how, refinement_note
 from .motion_result import (
@@ -239,12 +241,27 @@ def table_study(
             where = f"rows[{n}].problem.{error.argument}" if error.argument else f"rows[{n}]"
             raise ArgumentError(error.message, where) from error
     studies: list[MotionStudy] = []
-    for n, row in enumerate(rows):
-        work.progress(f"row {n + 1} of {len(rows)}: {row.name}", n / len(rows), None)
-        studies.append(solved(row.problem, work, number=n + 1))
-        if not studies[-1].status.converged:
-            break
+
+    def here(item: tuple[int, TableRow, float | None]) -> MotionStudy:
+        n, row, _ = item
+        work.progress(f"row {n} of {len(rows)}: {row.name}", (n - 1) / len(rows), None)
+        return solved(row.problem, work, number=n)
+
+    items = ((n, row, work.seconds_left()) for n, row in enumerate(rows, 1))
+    with closing(mapped(_row_solved, items, here=here, waiting=work.interrupted)) as solutions:
+        for study in solutions:
+            studies.append(study)
+            if not study.status.converged:
+                break
+    if len(studies) < len(rows) and (not studies or studies[-1].status.converged):  # the workers were stopped
+        stopped = SolveStatus.INTERRUPTED
+        studies.append(MotionStudy(status=stopped, message=stopped.message, asked=rows[len(studies)].problem))
     return _table_of(rows, studies, work.title)
+
+
+def _row_solved(item: tuple[int, TableRow, float | None]) -> MotionStudy:
+    n, row, seconds_left = item
+    return solved(row.problem, Work(max_seconds=seconds_left), number=n)
 
 
 def _table_of(rows: Sequence[TableRow], studies: list[MotionStudy], title: str) -> MotionTable:

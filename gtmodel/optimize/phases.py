@@ -199,7 +199,10 @@ def _best_of(
     options: SolverOptions,
     progress: Progress | None,
 ) -> PhasesSolution:
-    """Solve from each guess, with shared limits of iterations and time, and return the best solution."""
+    """Solve from each guess and return the best solution.
+
+    The starts are no map: each may use only the iterations and the time that those before it left.
+    """
     stop_at = None if options.max_seconds is None else time.monotonic() + options.max_seconds
     solutions: list[PhasesSolution] = []
     reached = ReachedOptima()

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from .._pickling import PortableError
 from ..lang.model import Model
 from ..lang.optimization import Optimization
 from ..lang.slips import named
@@ -119,7 +120,7 @@ class SolverOptions:
             raise ModelError("fatrop has neither barrier strategies nor patience; use solver 'ipopt'")
 
 
-class NotSolved(RuntimeError):
+class NotSolved(PortableError, RuntimeError):
     """Raised by solve() if the problem was not solved; the message says why, `.solution` is the best iterate.
 
     >>> class Unreachable(gt.Optimization):

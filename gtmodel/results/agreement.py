@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import numpy as np
 
+from .._pickling import PortableError
 from .quantity import marks_of
 from .refusal import ArgumentError
 
@@ -140,7 +141,7 @@ class AnyNumber:
     """Numbers may be infinite or NaN, for data of many evaluations with a status each."""
 
 
-class WrongKind(ArgumentError):
+class WrongKind(PortableError, ArgumentError):
     """A value with another type than the annotation, or a word that is not allowed."""
 
     def __init__(self, value: Any, hint: Any, argument: str) -> None:

@@ -8,7 +8,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path, PurePath
 from typing import Any
@@ -39,9 +39,10 @@ def write_whole(path: PathLike, data: bytes, *, overwrite: bool) -> None:
 
     Raises FileExistsError if the file exists, unless `overwrite`, and OSError of the system.
     """
-    place = Path(os.path.realpath(path))
-    replaces = overwrite and (place.is_file() or not place.exists())  # a device cannot be replaced
-    part = place.with_name(f".{place.name}.{os.getpid()}.part") if replaces else place
+    place = os.path.realpath(path)
+    replaces = overwrite and (os.path.isfile(place) or not os.path.exists(place))  # a device cannot be replaced
+    folder, name = os.path.split(place)
+    part = os.path.join(folder, f".{name}.{os.getpid()}.part") if replaces else place
     try:
         file = open(part, "wb" if overwrite else "xb")  # noqa: SIM115
     except FileExistsError:
@@ -55,7 +56,8 @@ def write_whole(path: PathLike, data: bytes, *, overwrite: bool) -> None:
             os.replace(part, place)
     except BaseException:
         if replaces or not overwrite:
-            part.unlink(missing_ok=True)
+            with suppress(FileNotFoundError):
+                os.unlink(part)
         raise
 
 

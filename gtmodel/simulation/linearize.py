@@ -111,7 +111,7 @@ def linearize(
         raise ModelError("control.StateSpace does not support a single output without an input; name a second output")
     if not all(np.all(np.isfinite(m)) for m in (fx, fu, gx, gu)):
         raise ModelError(f"{flat.title}: the model is singular at this point; linearise at another one")
-    import control  # slow to import, and only needed here
+    from .._control import control  # slow to import, and only needed here
 
     linear = control.ss(
         fx, fu, gx, gu,

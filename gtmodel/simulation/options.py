@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from .._lazy import hint
+from .._pickling import PortableError
 from ..lang.slips import floats
 from ..lang.source import ModelError
 from ..results import Quantity, Row, Study
@@ -171,7 +172,7 @@ class Simulation:
         return self.trajectory.plot(*names, marks=[change.time for change in (*self.switches, *self.events)])
 
 
-class NotSimulated(RuntimeError):
+class NotSimulated(PortableError, RuntimeError):
     """Raised by simulate() if the run ends early; the message gives the reason, `.simulation` the run up to there.
 
     >>> class Escape(gt.Model):  # x' = x^2 from 1: infinite at 1 s

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
@@ -92,6 +93,11 @@ class Store:
         versions = {name: v for name, v in written.versions().items() if name != "platform"}
         self._same = json.dumps([identity, versions], sort_keys=True)
 
+    @property
+    def kept(self) -> bool:
+        """Whether a later call finds the records."""
+        return self._folder is not None
+
     def name(self, keys: Mapping[str, Any]) -> str:
         """Return the name of a row: a hash of its content and the versions."""
         text = self._same + json.dumps(plain(keys), sort_keys=True)
@@ -102,26 +108,31 @@ class Store:
         if self._folder is None or again:
             self._memory[name] = record
             return
-        path = self._path(name)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, (json.dumps(record, ensure_ascii=False) + "\n").encode(), overwrite=True)
+        path, data = self._path(name), (json.dumps(record, ensure_ascii=False) + "\n").encode()
+        try:
+            write_whole(path, data, overwrite=True)
+        except FileNotFoundError:  # the first one of its folder
+            os.makedirs(os.path.dirname(path), exist_ok=True)
+            write_whole(path, data, overwrite=True)
 
     def get(self, name: str) -> Record | None:
         """Return the record of a row that is done; None if there is none."""
         if name in self._memory or self._folder is None:
             return self._memory.get(name)
         try:
-            record = json.loads(self._path(name).read_bytes())
+            with open(self._path(name), "rb") as file:
+                record = json.loads(file.read())
         except (FileNotFoundError, ValueError):
             return None
         except OSError as error:
             raise ArgumentError(f"{self._path(name)} cannot be read: {error.strerror}", "folder") from error
+        if not isinstance(record, dict) or not {"status", "message", "values"} <= record.keys():
+            return None  # written by something else
         same = all(_unchanged(path, digest) for path, digest in record.get("inputs", {}).items())
         return record if same else None
 
-    def _path(self, name: str) -> Path:
-        assert self._folder is not None
-        return self._folder / name[:2] / f"{name}.json"
+    def _path(self, name: str) -> str:
+        return f"{self._folder}/{name[:2]}/{name}.json"  # a Path costs more than the file
 
 
 @cache

@@ -23,7 +23,8 @@ from ..results.refusal import ArgumentError
 from ..results.status import SolveStatus
 from ..results.study import Study
 from ..results.work import CREW, Crew, Interrupted, Work, WorkOptions, study_function
-from ..workers.each import WorkerDied, each
+from ..workers.each import WorkerDied
+from ..workers.mapped import shared
 from .design import Design, Method, design
 from .row import Keyed, Record, Store, Task, ran
 
@@ -161,8 +162,7 @@ def _run(
             left.append(position)
             yield plan[k], folder
 
-    crew = CREW.get() or Crew()
-    results = each(task, items(), workers=crew.workers, executor=crew.executor, stop=work.interrupted, ordered=False)
+    results = shared(CREW.get() or Crew(), task, items(), work.interrupted, ordered=False)
     try:
         with closing(results):
             for one in results:
@@ -187,25 +187,29 @@ def _unexpected(error: Exception) -> Record:
 def _made(
     plan: Design, numbers: range, names: Sequence[str], store: Store, runs: Path | None, show: Sequence[str], title: str
 ) -> Sweep:
-    shown, seen = dict[str, None](), dict[str, None]()
-    failed, done = [], 0
-    for k, name in zip(numbers, names, strict=True):
-        if (record := store.get(name)) is not None:
-            done += 1
-            seen |= dict.fromkeys(record["values"])
-            shown |= dict.fromkeys(record.get("shown", ()))
-            if record["status"] != SolveStatus.SOLVED.value:
-                failed.append(k)
-    quantities = [name for name in seen if name not in plan.keys]
-    head = ["row", *plan.keys, "status", *quantities, *(["run"] if runs is not None else []), "message"]
-    table: dict[str, list[Any]] = {name: [] for name in head}
+    shown, done, failed = dict[str, None](), 0, list[int]()
+    table: dict[str, list[Any]] = {name: [] for name in ("row", *plan.keys, "status")}
+    others = ("run", "message") if runs is not None else ("message",)
+    last, measured = {name: list[Any]() for name in others}, dict[str, list[Any]]()
     for k, name in zip(numbers, names, strict=True):
         if (record := store.get(name)) is None:
             continue
-        cells = plan[k] | {"row": k, "run": name[:12], "status": record["status"], "message": record["message"]}
-        values = record["values"]
-        for column, entries in table.items():
-            entries.append(cells[column] if column in cells else values.get(column))
+        status = record["status"]
+        if status != SolveStatus.SOLVED.value:
+            failed.append(k)
+        shown |= dict.fromkeys(record.get("shown", ()))
+        cells = plan[k] | {"row": k, "run": name[:12], "status": status, "message": record["message"]}
+        for column, entries in (table | last).items():
+            entries.append(cells[column])
+        for quantity, value in record["values"].items():
+            if quantity not in cells:
+                entries = measured.setdefault(quantity, [])
+                entries += [None] * (done - len(entries))  # rows before this one do not have it
+                entries.append(value)
+        done += 1
+    for entries in measured.values():
+        entries += [None] * (done - len(entries))
+    table, quantities = table | measured | last, list(measured)
     for name in show:
         if name not in quantities:
             raise ArgumentError(f"there is no quantity '{name}'; there are {', '.join(quantities) or 'none'}", "show")
@@ -219,7 +223,9 @@ def _made(
             first = f"row {failed[0]} ({keys}): {table['status'][at]}: {table['message'][at]}"
         checks = {"rows_failed": at_most(float(len(failed)), 0.0, first)}
     status = SolveStatus.SOLVED if done == len(names) else SolveStatus.INTERRUPTED
-    left = f"{done} of {len(names)} rows are done; the same call with the same folder runs the others"
+    left = f"{done} of {len(names)} rows are done"
+    if store.kept:
+        left += "; the same call with the same folder runs the others"
     return Sweep(
         status=status, message="" if status.ok else left, title=title, rows_declared=len(names), rows_done=done,
         rows_solved=done - len(failed), failed=failed, keys=plan.keys, table=table, checks=checks,

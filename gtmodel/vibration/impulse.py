@@ -226,7 +226,7 @@ class _Sines:
 
     def model(self, record: Record, criterion: dict[int, float]) -> ImpulseModel:
         """The result, slowest mode first."""
-        import control
+        from .._control import control
 
         order = np.argsort(self.x[::2])
         rows = (2 * order[:, None] + [0, 1]).ravel()

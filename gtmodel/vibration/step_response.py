@@ -75,7 +75,7 @@ class StepModel:
     @property
     def system(self) -> TransferFunction:
         """control.TransferFunction in z, with the delay as poles at zero."""
-        import control
+        from .._control import control
 
         n = self.delay
         # b z^-n / (1 - a z^-1) = b z / (z^n (z - a)); without a delay b z / (z - a)

@@ -236,7 +236,7 @@ def identify_subspace(
             "order, more block rows or a longer recording"
         )
     B, D, x0, offset = input_matrices(record, A, C, feedthrough=feedthrough)
-    import control
+    from .._control import control
 
     fitted = simulate(A, B, C, D, record.u, x0) + offset
     return SubspaceModel(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import concurrent.futures
 from asyncio import CancelledError
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from importlib import import_module
 from itertools import count
@@ -16,6 +16,7 @@ from .task import DEATHS, Packed, Replies, dumps, packed, run, run_here
 
 UNKNOWN = 64  # workers of an executor that does not tell their number
 WAIT_S = 30.0  # for the scheduler to answer
+CLOSED = "its scheduler or its workers were closed before the last row; start them"
 
 
 class Elsewhere:
@@ -47,7 +48,15 @@ class Elsewhere:
         return item if self._threads else dumps(item)
 
     def submit(self, items: Sequence[Any]) -> Future[Replies]:
-        """Submit the packed items of a batch."""
+        """Submit the packed items of a batch. Raises ArgumentError if the executor or the client was closed."""
+        try:
+            return self._submitted(items)
+        except BrokenExecutor:
+            raise
+        except Exception as error:  # Dask has a class of its own
+            raise ArgumentError(CLOSED, "executor") from error
+
+    def _submitted(self, items: Sequence[Any]) -> Future[Replies]:
         if self._threads:
             return self._executor.submit(run_here, self._task, items)
         if self._client is None:

@@ -12,9 +12,9 @@ from typing import Any
 
 from ..results.refusal import ArgumentError
 from ..results.work import never
-from .cluster import Elsewhere
-from .processes import Pool, Processes, usable_cores
-from .task import DEATHS, Replies
+from .cluster import CLOSED, Elsewhere
+from .processes import Pool, Processes, count_of
+from .task import DEATHS, Replies, attempted
 
 LOOK = 0.2  # s between calls of `stop`
 AHEAD = 2  # submitted batches per worker: one at work and one waiting, so that a death repeats few
@@ -50,7 +50,7 @@ def each(
     The results do not depend on where the tasks run: worker processes have one BLAS thread each. Short items are sent
     in batches of about 0.2 s. A worker that dies is replaced, and the batches under way are repeated one at a time, a
     batch that ends a worker again item by item; an item that ended three workers yields WorkerDied as its error. A
-    caller that ends the iteration, Ctrl-C, and `stop` returning True end the workers.
+    caller that ends the iteration, Ctrl-C, and `stop` returning True end the workers; sys.exit() ends only its item.
 
     Args:
         task: any function whose values can be pickled, also one of a notebook. It is sent once to each worker.
@@ -60,14 +60,12 @@ def each(
         stop: called at least every 0.2 s; True ends the iteration.
         ordered: yield in the order of the items, else as they are done.
 
-    Raises ArgumentError if the task cannot be pickled.
+    Raises ArgumentError for a wrong number of processes, and if the task cannot be pickled.
 
     >>> [done.value for done in gt.workers.each(abs, [-3, 4])]
     [3, 4]
     """
-    if workers is not None and workers < 0:
-        raise ArgumentError(f"expected a number of processes, at least 0; found {workers}", "workers")
-    count = usable_cores() if workers is None else workers
+    count = count_of(workers)
     if executor is None and count == 0:
         return _here(task, items, stop)
     crew = Processes(task, Pool(count)) if executor is None else Elsewhere(task, executor)
@@ -78,11 +76,8 @@ def _here(task: Callable[[Any], Any], items: Iterable[Any], stop: Callable[[], b
     for index, item in enumerate(items):
         if stop():
             return
-        try:
-            done = Done(index, task(item))
-        except Exception as error:
-            done = Done(index, error=error)
-        yield done
+        answered, value = attempted(task, item)
+        yield Done(index, value) if answered else Done(index, error=value)
 
 
 @dataclass(slots=True)
@@ -154,9 +149,7 @@ class _Handout:
                 dead.append(batch)
                 continue
             if future.cancelled():
-                raise ArgumentError(
-                    "its scheduler or its workers were closed before the last row; start them", "executor"
-                )
+                raise ArgumentError(CLOSED, "executor")
             seconds, replies = future.result()
             fitting = int(BATCH_S * len(replies) / max(seconds, 1e-9))
             self.rows = max(1, min(fitting, 2 * len(replies), MOST))

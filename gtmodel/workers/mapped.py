@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from ..results.work import CREW, Crew, never
 from .each import Done, each, handed_out
-from .processes import Pool, Processes, usable_cores
+from .processes import Pool, Processes, count_of
 
 Item = TypeVar("Item")
 Value = TypeVar("Value")
@@ -21,12 +21,14 @@ def using(workers: int | None = None, executor: Any = None) -> Iterator[Crew]:
 
     workers: number of processes; 0 for this process, None for one per usable core. executor: runs the rows instead: an
     object with submit(), or a Dask client. A study called with `workers=` or `executor=` runs its own rows there.
+    Raises ArgumentError for a wrong number of processes.
 
     >>> with gt.workers.using(workers=0):
     ...     sizes = list(gt.workers.mapped(abs, [-3, 4]))
     >>> sizes
     [3, 4]
     """
+    count_of(workers)
     crew = Crew(workers, executor)
     before = CREW.set(crew)
     try:
@@ -55,8 +57,7 @@ def mapped(
     [3, 4]
     """
     crew = CREW.get()
-    size = 0 if crew is None else usable_cores() if crew.workers is None else crew.workers
-    if crew is None or (size == 0 and crew.executor is None):
+    if crew is None or (crew.executor is None and count_of(crew.workers) == 0):
         yield from map(here or task, items)
         return
     rows = iter(items)
@@ -76,7 +77,7 @@ def shared(
 ) -> Generator[Done, None, None]:
     """Run rows with a crew as `each` does, in processes that are kept for the next map of the study."""
     crew.used = True
-    size = usable_cores() if crew.workers is None else crew.workers
+    size = count_of(crew.workers)
     if crew.executor is not None or size == 0:
         return each(task, items, workers=size, executor=crew.executor, stop=stop, ordered=ordered)
     if crew.pool is None or not crew.pool.open:

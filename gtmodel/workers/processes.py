@@ -11,8 +11,9 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
-from typing import Any
+from typing import Annotated, Any
 
+from ..results.agreement import Within, agree
 from ..results.work import parents_signals
 from .task import Replies, dumps, packed, run
 
@@ -32,6 +33,12 @@ def usable_cores() -> int:
     if hasattr(os, "sched_getaffinity"):  # fewer than the machine's under taskset and in batch systems
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def count_of(workers: int | None) -> int:
+    """Return the number of processes that an argument `workers` asks for. Raises ArgumentError."""
+    agree(workers, Annotated[int | None, Within(least=0)], "workers")
+    return usable_cores() if workers is None else workers
 
 
 class NotStarted(RuntimeError):

@@ -60,13 +60,17 @@ def run(task: Packed, items: Sequence[bytes], number: int = 0) -> Replies:
 def run_here(task: Callable[[Any], Any], items: Sequence[Any]) -> Replies:
     """Run the task on the rows of a batch in a thread of this process and return the replies."""
     begin = time.perf_counter()
-    replies = list[Reply]()
-    for item in items:
-        try:
-            replies.append((True, task(item)))
-        except Exception as error:
-            replies.append((False, error))
-    return _timed(begin, replies)
+    return _timed(begin, [attempted(task, item) for item in items])
+
+
+def attempted(task: Callable[[Any], Any], item: Any) -> Reply:
+    """Return True and the value, or False and the error; a task that calls sys.exit() ends only this item."""
+    try:
+        return True, task(item)
+    except SystemExit as error:
+        return False, RuntimeError(f"the task called sys.exit({error.code!r})")
+    except Exception as error:
+        return False, error
 
 
 def _timed(begin: float, replies: list[Any]) -> Replies:
@@ -75,9 +79,10 @@ def _timed(begin: float, replies: list[Any]) -> Replies:
 
 def _row(task: Packed, item: bytes) -> Reply:
     try:
-        return True, unpacked(task)(pickle.loads(item))
-    except Exception as error:
-        return False, _portable(error)
+        answered, value = attempted(unpacked(task), pickle.loads(item))
+    except Exception as error:  # of unpacking
+        answered, value = False, error
+    return answered, value if answered else _portable(value)
 
 
 def _sent(reply: Reply) -> bytes:

@@ -19,7 +19,7 @@ def one_row(k: int) -> float:
 
 def resident(_: int) -> float:
     """Memory of this process [MB]."""
-    import gtmodel.optimize  # noqa: F401
+    import gtmodel.optimize.solve  # noqa: F401  CasADi, SciPy and most engines
 
     with open(f"/proc/{os.getpid()}/statm") as file:
         return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6

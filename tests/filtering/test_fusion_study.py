@@ -213,7 +213,8 @@ def test_what_changes_nothing_or_does_not_fit_is_refused(options, argument):
 @pytest.mark.parametrize("asked", (1, 2, 3, 4, 5, 6, 8))
 def test_a_stopped_study_has_the_numbers_of_the_rows_it_got_to(asked: int) -> None:
     asks = iter(range(asked))
-    s = F.fusion_study(F.TrackedPath(duration=1.5), seed=2, stop=lambda: next(asks, None) is None)
+    sweep = F.FusionSweep("acceleration_bias", (0.0, 1.0))
+    s = F.fusion_study(F.TrackedPath(duration=1.5), sweep=sweep, seed=2, stop=lambda: next(asks, None) is None)
     assert s.status is gt.SolveStatus.INTERRUPTED
     if s.trajectory is None:  # before the filter ran
         assert asked <= 2 and not s.velocity_fused

@@ -146,7 +146,7 @@ def test_an_address_from_the_environment_is_used(problem: Path, run: Commands, m
     monkeypatch.setattr(_crew, "connected", refuse)
     monkeypatch.setenv("GTMODEL_CLUSTER", "tcp://here:1")
     done = run("sweep", problem, "--vary", "payload_kg=5", "--set", "section.step_m=0.5", "--quiet")
-    assert done.code == 2 and asked == ["tcp://here:1"] and "--cluster" in done.sentence
+    assert done.code == 2 and asked == ["tcp://here:1"] and "GTMODEL_CLUSTER" in done.sentence
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGTERM on Windows")

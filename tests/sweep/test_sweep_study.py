@@ -17,6 +17,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.results import ArgumentError
+from gtmodel.results.work import CREW, Crew
 from gtmodel.sweep.sweep_study import csv_of
 from tests.support.commands import environment
 from tests.sweep.tasks import counted, fails_at_two, worker_killed_once
@@ -33,42 +34,30 @@ def ran(tmp_path: Path) -> Path:
     return folder
 
 
+def swept(task: Any, x: list[float], crew: Crew, **given: Any) -> str:
+    """The table of a sweep that a crew runs."""
+    before = CREW.set(crew)
+    try:
+        return csv_of(gt.sweep.study(task, {"x": x}, **given).table)
+    finally:
+        CREW.reset(before)
+
+
 def runs_of(folder: Path) -> list[str]:
     return sorted(p.name.rpartition("_")[0] for p in folder.iterdir() if "_" in p.name)
 
 
-def test_the_table_is_the_same_for_one_two_and_four_workers(ran: Path) -> None:
-    texts = [csv_of(gt.sweep.study(partial(counted, ran, 0.0), {"x": X}, workers=n).table) for n in (0, 1, 2, 4)]
-    assert len(set(texts)) == 1
-    lines = texts[0].splitlines()
-    assert lines[0] == "row,x,status,value,norm,message" and len(lines) == 13
+def test_workers_change_nothing_in_the_table(ran: Path, crew: Crew) -> None:
+    there, here = (swept(partial(counted, ran, 0.0), X, who) for who in (crew, Crew()))
+    lines = here.splitlines()
+    assert there == here and lines[0] == "row,x,status,value,norm,message" and len(lines) == 13
     assert float(lines[3].split(",")[3]) == math.sin(2.0)
 
 
 @needs_signals
-def test_a_worker_killed_in_the_middle_changes_nothing(ran: Path, tmp_path: Path) -> None:
-    swept = gt.sweep.study(
-        partial(worker_killed_once, ran), {"x": X}, workers=2, folder=tmp_path / "out", identity="one"
-    )
-    assert (ran / "killed").exists() and swept.status.ok
-    assert csv_of(swept.table) == csv_of(gt.sweep.study(partial(counted, ran, 0.0), {"x": X}, workers=0).table)
-
-
-def test_a_dask_cluster_gives_the_same_table_with_a_worker_killed(ran: Path) -> None:
-    distributed: Any = pytest.importorskip("distributed", reason="needs the extra cluster")
-    cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
-    with cluster, gt.workers.connected(cluster.scheduler_address) as client:
-        swept = gt.sweep.study(partial(worker_killed_once, ran), {"x": X}, executor=client)
-    assert (ran / "killed").exists() and swept.status.ok
-    assert csv_of(swept.table) == csv_of(gt.sweep.study(partial(counted, ran, 0.0), {"x": X}, workers=0).table)
-
-
-def test_an_address_without_a_scheduler_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("distributed", reason="needs the extra cluster")
-    monkeypatch.setattr(gt.workers.cluster, "WAIT_S", 0.5)
-    with pytest.raises(ArgumentError) as caught, gt.workers.connected("tcp://127.0.0.1:9"):
-        pass
-    assert caught.value.argument == "cluster" and "tcp://127.0.0.1:9" in str(caught.value)
+def test_a_worker_killed_in_the_middle_changes_nothing(ran: Path, tmp_path: Path, crew: Crew) -> None:
+    there = swept(partial(worker_killed_once, ran), X, crew, folder=tmp_path / "out", identity="one")
+    assert (ran / "killed").exists() and there == swept(partial(counted, ran, 0.0), X, Crew())
 
 
 SCRIPT = """
@@ -94,15 +83,15 @@ def test_200_rows_stopped_at_the_half_resume_without_repeating_one(number: int, 
         while len(list(out.glob("rows/*/*.json"))) < 100 and time.monotonic() < deadline:
             time.sleep(0.02)
         os.kill(process.pid, number)
-    time.sleep(1.0)  # workers of a killed parent end by themselves
+    time.sleep(0.5)  # workers of a killed parent end by themselves
     kept = len(list(out.glob("rows/*/*.json")))
     assert 100 <= kept < 200
     under_way = len(runs_of(ran)) - kept  # ended in a worker, and not yet kept
     assert under_way <= 4
     task = partial(counted, ran, 0.0)
     values = {"x": [k / 8 for k in range(200)]}
-    swept = gt.sweep.study(task, values, workers=2, folder=out, identity="1")
-    assert swept.status.ok and swept.rows_done == 200
+    resumed = gt.sweep.study(task, values, folder=out, identity="1")
+    assert resumed.status.ok and resumed.rows_done == 200
     assert len(runs_of(ran)) == 200 + under_way
     whole = gt.sweep.study(task, values, workers=0)
     assert (out / "table.csv").read_text() == csv_of(whole.table)
@@ -131,6 +120,15 @@ def test_a_row_with_an_unexpected_error_is_repeated(tmp_path: Path) -> None:
     given: dict[str, Any] = dict(workers=0, folder=tmp_path / "out", identity="1")
     assert gt.sweep.study(fails_at_two, {"x": [1.0, 2.0]}, **given).failed == [1]
     assert len(list(tmp_path.glob("out/rows/*/*.json"))) == 1
+
+
+@pytest.mark.parametrize("text", ["", '{"status": "sol', "[]", "{}"])
+def test_a_damaged_record_is_made_again(text: str, ran: Path, tmp_path: Path) -> None:
+    given: dict[str, Any] = dict(workers=0, folder=tmp_path / "out", identity="1")
+    first = gt.sweep.study(partial(counted, ran, 0.0), {"x": [1.0, 2.0]}, **given)
+    next(tmp_path.glob("out/rows/*/*.json")).write_text(text)
+    assert csv_of(gt.sweep.study(partial(counted, ran, 0.0), {"x": [1.0, 2.0]}, **given).table) == csv_of(first.table)
+    assert len(runs_of(ran)) == 3
 
 
 def test_a_function_without_an_identity_keeps_no_rows(ran: Path, tmp_path: Path) -> None:

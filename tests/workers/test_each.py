@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from functools import partial
@@ -14,22 +14,31 @@ from typing import Any
 import pytest
 
 from gtmodel.results import ArgumentError
+from gtmodel.results.work import Crew, never
 from gtmodel.workers import Done, WorkerDied, each
+from gtmodel.workers.mapped import shared
 from tests.support.commands import environment
 from tests.workers.tasks import fails, first_waits, kills_always, kills_once, product
 
 needs_signals = pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL on Windows")
+Rows = Callable[..., list[Done]]
 
 
-def test_results_are_equal_for_one_two_and_four_workers() -> None:
-    one, two, four = ([done.value for done in each(product, range(12), workers=n)] for n in (1, 2, 4))
-    assert one == two == four
+@pytest.fixture
+def rows(crew: Crew) -> Rows:
+    """The results of a task in the two workers of all tests."""
+    return lambda task, items, ordered=True: list(shared(crew, task, items, never, ordered=ordered))
+
+
+def test_results_are_equal_for_one_two_and_four_workers(rows: Rows) -> None:
+    one, four = ([done.value for done in each(product, range(12), workers=n)] for n in (1, 4))
+    assert one == [done.value for done in rows(product, range(12))] == four
     assert [k for k, _, _ in one] == list(range(12)) and {threads for _, _, threads in one} == {"1"}
 
 
 @needs_signals
-def test_a_killed_worker_is_replaced_and_its_row_repeated(tmp_path: Path) -> None:
-    found = list(each(partial(kills_once, tmp_path), range(8), workers=2))
+def test_a_killed_worker_is_replaced_and_its_row_repeated(rows: Rows, tmp_path: Path) -> None:
+    found = rows(partial(kills_once, tmp_path), range(8))
     assert (tmp_path / "killed").exists()
     assert [done.value for done in found] == [product(k)[1] for k in range(8)]
     assert all(done.error is None for done in found)
@@ -37,37 +46,24 @@ def test_a_killed_worker_is_replaced_and_its_row_repeated(tmp_path: Path) -> Non
 
 @needs_signals
 def test_a_row_that_kills_three_workers_is_left_out(tmp_path: Path) -> None:
-    found = list(each(partial(kills_always, tmp_path), range(6), workers=2))
-    assert [done.value for done in found] == [0, 1, None, 3, 4, 5]
+    found = list(each(partial(kills_always, tmp_path), range(4), workers=1))
+    assert [done.value for done in found] == [0, 1, None, 3]
     assert isinstance(found[2].error, WorkerDied)
     assert len((tmp_path / "deaths").read_text()) == 3
 
 
-@needs_signals
-def test_on_a_cluster_only_the_row_that_kills_its_workers_is_left_out(tmp_path: Path) -> None:
-    distributed: Any = pytest.importorskip("distributed", reason="needs the extra cluster")
-    import dask
-
-    # one death is enough: to start a worker again takes seconds
-    with dask.config.set({"distributed.scheduler.allowed-failures": 0}):
-        cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
-        with cluster, distributed.Client(cluster) as client:
-            found = list(each(partial(kills_always, tmp_path), range(6), executor=client))
-    assert [done.value for done in found] == [0, 1, None, 3, 4, 5]
-    assert isinstance(found[2].error, WorkerDied)
-
-
-@pytest.mark.parametrize("workers", [0, 2])
-def test_an_error_belongs_to_its_row(workers: int) -> None:
-    found = list(each(fails, range(4), workers=workers))
-    assert [done.value for done in found] == [0, None, None, 3]
+@pytest.mark.parametrize("elsewhere", [False, True])
+def test_an_error_belongs_to_its_row(elsewhere: bool, rows: Rows) -> None:
+    found = rows(fails, range(4)) if elsewhere else list(each(fails, range(4)))
+    assert [done.value for done in found] == [None, None, None, 3]
+    assert "sys.exit(3)" in str(found[0].error)
     assert "1 and 2" in str(found[1].error)
     assert isinstance(found[2].error, ValueError) and str(found[2].error) == "no such pose"
 
 
 @pytest.mark.parametrize("ordered", [True, False])
-def test_results_wait_for_their_turn_or_not(ordered: bool, tmp_path: Path) -> None:
-    found = [done.index for done in each(partial(first_waits, tmp_path), range(6), workers=2, ordered=ordered)]
+def test_results_wait_for_their_turn_or_not(ordered: bool, rows: Rows, tmp_path: Path) -> None:
+    found = [done.index for done in rows(partial(first_waits, tmp_path), range(6), ordered)]
     assert sorted(found) == list(range(6)) and (found[0] == 0) == ordered
 
 
@@ -79,8 +75,8 @@ def test_items_are_read_as_needed_and_the_caller_may_end_early() -> None:
             read.append(k)
             yield k
 
-    with closing(each(product, items(), workers=1)) as rows:
-        assert [next(rows).index for _ in range(3)] == [0, 1, 2]
+    with closing(each(product, items(), workers=1)) as found:
+        assert [next(found).index for _ in range(3)] == [0, 1, 2]
     assert len(read) < 30
 
 
@@ -97,13 +93,20 @@ def test_threads_need_no_pickle() -> None:
     assert [done.value for done in found] == [0, 1, 4, 9, 16]
 
 
-def test_wrong_arguments_are_named() -> None:
-    with pytest.raises(ArgumentError) as caught:
-        each(product, range(2), workers=-1)
-    assert caught.value.argument == "workers"
-    with pytest.raises(ArgumentError) as caught:
-        each(product, range(2), executor=3)
+def test_an_executor_closed_on_the_way_is_named() -> None:
+    with ThreadPoolExecutor(1) as executor, pytest.raises(ArgumentError) as caught:
+        for _ in each(abs, range(100), executor=executor):
+            executor.shutdown()
     assert caught.value.argument == "executor"
+
+
+@pytest.mark.parametrize(
+    ("argument", "given"), [("workers", {"workers": -1}), ("workers", {"workers": "2"}), ("executor", {"executor": 3})]
+)
+def test_wrong_arguments_are_named(argument: str, given: dict[str, Any]) -> None:
+    with pytest.raises(ArgumentError) as caught:
+        each(product, range(2), **given)
+    assert caught.value.argument == argument
 
 
 def test_a_script_without_main_guard_is_told_so(tmp_path: Path) -> None:
@@ -116,7 +119,7 @@ def test_a_script_without_main_guard_is_told_so(tmp_path: Path) -> None:
 def test_a_function_of_a_notebook_can_be_a_task() -> None:
     script = (
         "from gtmodel.workers import each\ndef square(k):\n    return k * k\n"
-        "print([d.value for d in each(square, range(4), workers=2)])"
+        "print([d.value for d in each(square, range(4), workers=1)])"
     )
     words = [sys.executable, "-c", script]
     done = subprocess.run(words, env=environment(), capture_output=True, text=True, timeout=60)

@@ -16,7 +16,6 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.kinematics.accuracy import ErrorCase, map_errors
-from gtmodel.kinematics.assembly_modes import draw
 from gtmodel.kinematics.workspace import Bodies, CrossSection, Sections, WorkspaceLimits, limited_mechanism
 from gtmodel.problem_files import run
 from gtmodel.problem_files.load import load
@@ -39,14 +38,6 @@ def in_crew(crew: Crew) -> Iterator[None]:
         CREW.reset(before)
 
 
-@pytest.fixture(scope="module")
-def crew() -> Iterator[Crew]:
-    """Two processes for all tests, as one study would keep them."""
-    crew = Crew(workers=2)
-    yield crew
-    crew.close()
-
-
 def workspace() -> Any:
     s = gt.kinematics.workspace_study(
         ROBOT, WorkspaceLimits(cone=0.7), section=CrossSection(step=0.1),
@@ -61,12 +52,6 @@ def accuracy() -> Any:
     T = np.random.default_rng(2).uniform([0.5, -1.0, 0.2], [1.5, 0.3, 0.8], (40, 3))
     errors = map_errors(case, lambda T: (robot.inverse(T).a, robot.inverse(T).status), T, chunk=20)
     return errors.error, errors.faces, errors.status
-
-
-def modes() -> Any:
-    hands = draw(17, seed=2)  # one pose more than are tracked together
-    found = gt.kinematics.assembly_modes.assembly_modes_batch(hands.A, hands.B, hands.L)
-    return [m.T for m in found]
 
 
 def table() -> Any:
@@ -106,9 +91,26 @@ def optima() -> Any:
 def motion() -> Any:
     s = gt.motion.study(
         ROBOT, [0.0, -0.9, 0.1], [0.2, -0.9, 0.2], limits=gt.motion.Limits(force=700.0),
-        mesh=gt.motion.MotionMesh(elements=6), starts=gt.motion.Starts(count=2),
+        mesh=gt.motion.MotionMesh(elements=4), starts=gt.motion.Starts(count=2),
     )  # fmt: skip
     return s.objective, s.message, s.iterations, s.files
+
+
+def motions() -> Any:
+    ends = {"start": gt.motion.End([0.0, -0.9, 0.1]), "goal": gt.motion.End([0.2, -0.9, 0.2])}
+    limits, mesh = gt.motion.Limits(force=700.0), gt.motion.MotionMesh(elements=4)
+    problems = [
+        gt.motion.MotionProblem(robot=ROBOT, **ends, limits=limits, mesh=mesh, cost=gt.motion.Cost(energy=w))
+        for w in (0.0, 1e-5)
+    ]
+    s = gt.motion.table_study([gt.motion.TableRow(f"row {n}", p) for n, p in enumerate(problems)])
+    return s.entries, s.message, s.files
+
+
+def fused() -> Any:
+    values = gt.filtering.FusionSweep("acceleration_bias", (0.0, 1.0))
+    s = gt.filtering.fusion_study(gt.filtering.TrackedPath(duration=0.1), sweep=values)
+    return s.sweep_values, s.sweep_fused, s.sweep_slope, s.sweep_consistent
 
 
 def gains() -> Any:
@@ -135,9 +137,12 @@ def drawn() -> Any:
     return gt.inference.monte_carlo(Sine(), 5, seed=3).results
 
 
-@pytest.mark.parametrize(
-    "study", [workspace, accuracy, modes, table, calibrated, excitation, optima, motion, gains, folds, blocks, drawn]
-)  # fmt: skip
+MAPS = [
+    workspace, accuracy, table, calibrated, excitation, optima, motion, motions, fused, gains, folds, blocks, drawn
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("study", MAPS)
 def test_workers_change_nothing(study: Callable[[], Any], crew: Crew) -> None:
     with using(workers=0):
         here = study()
@@ -148,25 +153,9 @@ def test_workers_change_nothing(study: Callable[[], Any], crew: Crew) -> None:
     np.testing.assert_equal(there, here)
 
 
-@needs_signals
-def test_a_worker_killed_in_the_middle_of_a_study_changes_nothing(crew: Crew) -> None:
-    hands = draw(33, seed=3)  # in three parts
-    killed = []
-
-    def progress(*_: Any) -> None:
-        if crew.pool is not None and crew.pool.open and not killed:
-            killed.append(next(iter(crew.pool._pool._processes.values())))
-            killed[0].kill()
-
-    with in_crew(crew):
-        there = gt.kinematics.modes_study(hands, progress=progress)
-    assert killed and there.status.ok
-    assert there.files == gt.kinematics.modes_study(hands, workers=0).files
-
-
 def test_a_problem_gives_the_same_bytes_with_workers(crew: Crew, tmp_path: Path) -> None:
     def bytes_of(name: str) -> dict[str, bytes]:
-        loaded = load(PROBLEMS / "random_modes.toml", ["draw.platforms=17"])
+        loaded = load(PROBLEMS / "random_modes.toml", ["draw.platforms=17"])  # one more than are tracked together
         run.solve(loaded, run.context_of(loaded), out=tmp_path / name)
         return {p.name: p.read_bytes() for p in (tmp_path / name).iterdir() if p.name != "run.toml"}
 
@@ -176,10 +165,10 @@ def test_a_problem_gives_the_same_bytes_with_workers(crew: Crew, tmp_path: Path)
     assert crew.used and there == bytes_of("here")
 
 
-def test_a_study_starts_its_own_workers() -> None:
-    T = np.tile([1.4, -0.9, 0.3], (2001, 1))  # in two parts
-    s = gt.kinematics.causality_study(ROBOT, "T", "q", T, workers=1)
-    assert s.words == ["ok"] * len(T)
+def test_a_study_writes_the_same_bytes_with_one_and_four_workers_of_its_own() -> None:
+    T = np.random.default_rng(1).uniform([0.5, -1.0, 0.2], [1.5, 0.3, 0.8], (6001, 3))  # in four parts
+    here, one, four = (gt.kinematics.causality_study(ROBOT, "T", "q", T, workers=n).files for n in (0, 1, 4))
+    assert here and here == one == four
     with pytest.raises(gt.results.ArgumentError) as caught:
         gt.kinematics.causality_study(ROBOT, "T", "q", T, workers=-1)
     assert caught.value.argument == "workers"

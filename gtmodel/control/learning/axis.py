@@ -65,7 +65,7 @@ def flexible_axis(
     >>> bool(abs(learning.pulse_response(axis.signals["tool"], 800).sum() - 1) < 1e-3)  # unit static gain
     True
     """
-    import control
+    from ..._control import control
 
     for name, value in (("frequency", frequency), ("damping", damping), ("lag", lag), ("sample_time", sample_time)):
         if not value > 0:
@@ -84,7 +84,7 @@ def flexible_axis(
 
 def delayed(plant: StateSpace, delay: int) -> StateSpace:
     """Return a plant of one input with its input delayed by `delay` samples."""
-    import control
+    from ..._control import control
 
     if not delay:
         return plant
@@ -108,7 +108,7 @@ def tool_model(frequency: float, damping: float, sample_time: float = SAMPLE_TIM
     >>> model.ninputs, model.noutputs, model.nstates
     (2, 1, 2)
     """
-    import control
+    from ..._control import control
 
     w = 2 * np.pi * frequency
     # z'' = w2 (z_c - z) + 2 zeta w (z_c' - z'), with v = z' - 2 zeta w z_c in place of z'

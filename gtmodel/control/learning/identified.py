@@ -58,8 +58,7 @@ def identified_axis(
     >>> [round(x, 2) for x in learning.ModelledRobot([axis]).mode(0)]
     [11.5, 0.05]
     """
-    import control
-
+    from ..._control import control
     from ...vibration import Record
 
     u = np.asarray(reference, float)
@@ -213,8 +212,7 @@ def identified_tool(motor: Any, tool: Any, sample_time: float = SAMPLE_TIME, ord
     >>> model.ninputs, model.nstates
     (2, 3)
     """
-    import control
-
+    from ..._control import control
     from ...vibration import Record
 
     zc, z = np.asarray(motor, float), np.asarray(tool, float)

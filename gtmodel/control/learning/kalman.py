@@ -100,7 +100,7 @@ class ExtendedKalman(Portable):
     @cached_property
     def system(self) -> StateSpace:
         """The filter from z_c (this and following samples) and acceleration to zhat and the predicted acceleration."""
-        import control
+        from ..._control import control
 
         A, B, H = self.extended
         n = len(A)
@@ -144,7 +144,7 @@ class ExtendedKalman(Portable):
         return float(-0.5 * (v @ v + len(v) * np.log(self.innovation_variance)))
 
     def _from(self, column: int, row: int) -> StateSpace:
-        import control
+        from ..._control import control
 
         s = self.system
         return control.StateSpace(

@@ -29,7 +29,7 @@ def delayed_lag(b: float, a: float, delay: int, sample_time: float = SAMPLE_TIME
     >>> learning.pulse_response(loop, 7).round(5).tolist()
     [0.0, 0.0, 0.0, 0.0, 0.0, 0.03527, 0.03402]
     """
-    import control
+    from ..._control import control
 
     if delay < 0:
         raise ArgumentError(f"must not be negative; found {delay} samples", "delay")
@@ -44,7 +44,7 @@ def delayed_lag(b: float, a: float, delay: int, sample_time: float = SAMPLE_TIME
 
 def discrete(plant: Plant) -> StateSpace:
     """Return the plant in state-space form. Raises ArgumentError for several inputs or outputs, or continuous time."""
-    import control
+    from ..._control import control
 
     if not isinstance(plant, (control.StateSpace, control.TransferFunction)):
         raise ArgumentError(

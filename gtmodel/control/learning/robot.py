@@ -151,8 +151,7 @@ def linear_axis(
     >>> gt.control.learning.pulse_response(axis.signals["motor"], 7).round(3).tolist()
     [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.181]
     """
-    import control
-
+    from ..._control import control
     from ...simulation import linearize
 
     if delay < 0:
@@ -183,7 +182,7 @@ def _light(system: StateSpace, sample_time: float) -> list[complex]:
 
 def _moved(system: StateSpace, sample_time: float, frequency: float, damping: float) -> StateSpace:
     """The system in series with a filter of unit static gain that moves its lightly damped modes."""
-    import control
+    from ..._control import control
 
     moved = system
     for pole in _light(system, sample_time):

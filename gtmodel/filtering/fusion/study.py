@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Unpack
@@ -13,7 +14,8 @@ from ...measurements.inspection.data_tests import Data, tested
 from ...results import SolveStatus, Work
 from ...results.suspicion import suspicion_checks
 from ...results.trajectory import Trajectory
-from ...results.work import Interrupted, WorkOptions, study_function
+from ...results.work import Interrupted, WorkOptions, never, study_function
+from ...workers.mapped import mapped
 from ..consistency import Consistency, consistency
 from ..error_state import ErrorState, Filter
 from ..filter_study import innovations_picture
@@ -94,7 +96,7 @@ def fusion_study(
     if c is not None and c.nis not in c.band and path.axes == 3:
         work.progress("likelihood of other densities", 0.9)
         preferred = _preferred(scene, design, work)
-    stopped = filtered.stopped or swept.pop("stopped", False) or work.interrupted()
+    stopped = swept.pop("stopped", False) or filtered.stopped or work.interrupted()
     return answer(filtered, swept, preferred, stopped=stopped)
 
 
@@ -309,31 +311,26 @@ _MEASURED = {
 }  # fmt: skip
 
 
+_SweptRow = tuple[float, float, float, bool]
+
+
 def _swept(
     path: TrackedPath, sensors: FusionSensors, design: FusionFilter, sweep: FusionSweep, seed: int, work: Work
 ) -> dict[str, Any]:
-    plain = replace(design, smooth=False)
-    fused, tracker, slope, right, stopped = [], [], [], [], False
-    for k, value in enumerate(sweep.values):
-        work.progress(f"{sweep.parameter} {value:.4g}", 0.3 + 0.7 * k / len(sweep.values))
-        if work.interrupted():
-            stopped = True
-            break
-        changed = sensors.with_value(sweep.parameter, value)
-        filtered = _filtered(scene_of(path, changed, seed), plain, Work(stop=work.interrupted), blame=False)
-        if filtered.stopped:
-            stopped = True
-            break
-        if not filtered.errors:  # the filter lost the body
-            for column in (fused, tracker, slope):
-                column.append(float("inf"))
-            right.append(False)
-            continue
-        rows = filtered.run.time >= max(SETTLED, 4 * changed.sample_time)
-        motion = path.motion(filtered.run.time)
-        for column, v in ((fused, filtered.run["v"]), (tracker, filtered.tracker["v"]), (slope, filtered.slope)):
-            column.append(float(np.abs(v - motion.v)[rows][:, [0, 2]].mean()))
-        right.append(filtered.consistency is not None and filtered.consistency.nis in filtered.consistency.band)
+    task = partial(_swept_row, path, sensors, replace(design, smooth=False), seed, sweep.parameter)
+
+    rows = list[_SweptRow]()
+
+    def here(value: float) -> _SweptRow | None:
+        work.progress(f"{sweep.parameter} {value:.4g}", 0.3 + 0.7 * len(rows) / len(sweep.values))
+        return task(value, stop=work.interrupted)
+
+    with closing(mapped(task, sweep.values, here=here, waiting=work.interrupted)) as results:
+        for row in results:
+            if row is None:
+                break
+            rows.append(row)
+    fused, tracker, slope, right = (list(column) for column in zip(*rows, strict=True)) if rows else ([], [], [], [])
     limits, unit = TABLE_10[sweep.parameter]
     printed = limits[0 if path.axes == 3 else 1]
     values = list(sweep.values[: len(fused)])
@@ -342,8 +339,27 @@ def _swept(
         "sweep_slope": slope, "sweep_consistent": right, "limit_tracker": _crossing(values, fused, tracker),
         "limit_slope": _crossing(values, fused, slope),
         "limit_printed": None if printed is None else printed * (np.pi / 180 if unit.startswith("deg") else 1.0),
-        "stopped": stopped,
+        "stopped": len(rows) < len(sweep.values),
     }  # fmt: skip
+
+
+def _swept_row(
+    path: TrackedPath, sensors: FusionSensors, design: FusionFilter, seed: int, parameter: str, value: float,
+    stop: Callable[[], bool] = never,
+) -> _SweptRow | None:  # fmt: skip
+    """Return the mean velocity errors in the plane [m/s] of the fusion and of both baselines, infinite if the filter
+    lost the body, and whether the filter is consistent; None if it was stopped."""
+    changed = sensors.with_value(parameter, value)
+    filtered = _filtered(scene_of(path, changed, seed), design, Work(stop=stop), blame=False)
+    if filtered.stopped:
+        return None
+    if not filtered.errors:
+        return np.inf, np.inf, np.inf, False
+    rows = filtered.run.time >= max(SETTLED, 4 * changed.sample_time)
+    right, c = path.motion(filtered.run.time).v, filtered.consistency
+    velocities = filtered.run["v"], filtered.tracker["v"], filtered.slope
+    fused, tracker, slope = (float(np.abs(v - right)[rows][:, [0, 2]].mean()) for v in velocities)
+    return fused, tracker, slope, c is not None and c.nis in c.band
 
 
 def _crossing(values: Sequence[float], ours: Sequence[float], theirs: Sequence[float]) -> float | None:
