@@ -11,6 +11,7 @@ import numpy as np
 
 from ...compiler.causal import compile_causal
 from ...kinematics.clearance import Clearance
+from ...kinematics.clearance.distances import RESOLUTION_M
 from ...lang import Model
 from ...optimize import Mesh as CollocationMesh, Phases, Solution, SolverOptions, solve, solve_phases
 from ...optimize.judgement.resimulate import Resimulation, resimulate
@@ -32,7 +33,6 @@ ROUNDS = 5  # of adding pairs that came too near
 # bounds act at collocation points; efforts and speeds exceed them in between by less than this
 PEAK_SHARE = 1.01
 MISSED = 1e-3  # rad and m, of the re-simulated motion, whose input is not fed back
-SHORT_M = 1e-3  # by which distances may fall short between collocation points
 FINER = "use more mesh.elements"
 MENDED = ("peak_speed", "peak_effort", "missed", "clearance_short")
 NAMES = ("q", "der(q)", "der(q,2)", "tau", "T")
@@ -85,7 +85,7 @@ def on_this_mesh(
         if not solutions[0].status.converged or task.near is None or task.clearance is None:
             break
         distances = np.vstack([task.near.distances(s.trajectory["arm.q"]) for s in solutions])
-        near = np.flatnonzero(distances.min(axis=0, initial=np.inf) < task.clearance.distance - SHORT_M / 2)
+        near = np.flatnonzero(distances.min(axis=0, initial=np.inf) < task.required)
         added = sorted(set(near.tolist()) - set(active))
         if not added or work.interrupted():
             break
@@ -143,13 +143,14 @@ def _evaluated(
         "missed": at_most(missed, MISSED, f"the re-simulated motion misses a pose: {FINER}"),
     }
     distances: dict[str, Any] = {}
-    if task.near is not None and task.clearance is not None and (least := task.near.least(q)) is not None:
+    least = None if task.near is None else task.near.least_along(run.time, q, run["der(q)"])
+    if task.near is not None and task.clearance is not None and least is not None:
         distances = {
-            "clearance": least.distance, "nearest": least.pair, "nearest_time": float(run.time[least.row]),
+            "clearance": least.distance, "nearest": least.pair, "nearest_time": least.time,
             "pairs": len(task.near.pairs), "constrained": ["-".join(task.near.names[p]) for p in active],
         }  # fmt: skip
         short = max(0.0, task.clearance.distance - least.distance)
-        checks["clearance_short"] = at_most(short, SHORT_M, f"{least} at {run.time[least.row]:.4g} s: {FINER}")
+        checks["clearance_short"] = at_most(short, RESOLUTION_M, f"{least} at {least.time:.4g} s: {FINER}")
     if failed:
         checks["resimulated"] = at_least(0.0, 1.0, failed)
     return ArmStudy(

@@ -88,7 +88,8 @@ class ArmStudy(Study):
         float | None, "largest difference of re-simulated and collocated states at an element edge, in nominals"
     ] = None
     clearance: Annotated[
-        float | None, Quantity("m", "smallest distance of two links, or of a link from an obstacle")
+        float | None,
+        Quantity("m", "lower bound of all distances of two links, or of a link from an obstacle, at every instant"),
     ] = None
     nearest: Annotated[Sequence[str], "the two bodies at this distance"] = ()
     nearest_time: Annotated[float | None, Quantity("s", "time of this distance")] = None

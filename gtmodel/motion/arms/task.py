@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ Array = np.ndarray
 GUESS_ROWS = 61
 SLOWER = 1.5  # guess of the time, relative to the shortest by the limits of speed
 TURN_RATE = 1.0  # rad/s, m/s: speed of the guess if a joint has no limit
+SPARE_M = 1e-3  # more than the required distance at collocation points, for the motion between them
 AHEAD_M = 0.1  # pairs nearer than this along the guess are constraints from the start
 
 
@@ -91,6 +93,13 @@ class ArmTask:
         """Largest motor efforts (n,) [N.m, N]."""
         own = self.limits.joint_effort
         return self.limits.effort * np.asarray(self.robot.effort_limits if own is None else own)
+
+    @cached_property
+    def required(self) -> Array:
+        """Distances (pairs,) [m] to keep at collocation points: those required, with a spare if all poses have it."""
+        assert self.near is not None and self.clearance is not None
+        room = self.near.distances(np.array([pose.q for pose in self.poses])).min(axis=0) - self.clearance.distance
+        return self.clearance.distance + np.clip(room, 0.0, SPARE_M)
 
     def guess(self) -> list[Trajectory]:
         """Return a smooth motion from pose to pose for each segment, at rest at each, with planes between the pairs."""
@@ -163,11 +172,11 @@ class ArmTask:
                 yield from self.apart()
 
             def apart(self) -> Any:
-                if near is None or task.clearance is None:
+                if near is None:
                     return
                 for p in active:
                     a, b = (near.bodies[i] for i in near.pairs[p])
-                    least, points = task.clearance.distance + a.radius, placed(self, near, near.pairs[p][0])
+                    least, points = float(task.required[p]) + a.radius, placed(self, near, near.pairs[p][0])
                     if b.normal is not None:
                         for point in points:
                             yield gt.dot(point - b.points[0] * self.metre, b.normal) >= least
