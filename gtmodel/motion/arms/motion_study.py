@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Unpack, cast
 
@@ -16,12 +16,11 @@ from ...lang import Model
 from ...optimize import Mesh as CollocationMesh, Phases, Solution, SolverOptions, solve, solve_phases
 from ...optimize.judgement.resimulate import Resimulation, resimulate
 from ...results import Check, SolveStatus, Trajectory, Work, at_least, at_most
-from ...results.check import failed_of
 from ...results.interpolation import CubicHermite
 from ...results.trajectory_files import TRAJECTORY, csv_bytes
 from ...results.work import WorkOptions, study_function
 from ..axes.options import AxisCost, AxisMesh
-from ..finer_mesh import finer_mesh, refined, refinement_note
+from ..finer_mesh import FINER, PEAK_SHARE, OnMesh, study_on_meshes
 from ..options import Solver
 from ..reference import grid
 from .options import ArmLimits, ArmPose, ArmStudy, Waypoint
@@ -30,26 +29,18 @@ from .task import AHEAD_M, ArmTask, task_of
 Array = np.ndarray
 LITTLE_EFFORT = AxisCost(energy=0.05)  # without it many motions are equally fast
 ROUNDS = 5  # of adding pairs that came too near
-# bounds act at collocation points; efforts and speeds exceed them in between by less than this
-PEAK_SHARE = 1.01
 MISSED = 1e-3  # rad and m, of the re-simulated motion, whose input is not fed back
-FINER = "use more mesh.elements"
 MENDED = ("peak_speed", "peak_effort", "missed", "clearance_short")
 NAMES = ("q", "der(q)", "der(q,2)", "tau", "T")
 
 
 @dataclass(frozen=True)
-class ArmOutcome:
-    """The result on one mesh, with the solutions and runs of the segments and the pairs that were constraints."""
+class Segments:
+    """The solutions of the segments, the pairs that were constraints, and the iterations so far."""
 
-    mesh: AxisMesh
     solutions: list[Solution]
     active: list[int]
-    study: ArmStudy
-
-    @property
-    def checks(self) -> dict[str, Check]:
-        return dict(self.study.checks)
+    spent: int
 
 
 def optimised(
@@ -73,16 +64,19 @@ def optimised(
 
 
 def on_this_mesh(
-    task: ArmTask, mesh: AxisMesh, before: ArmOutcome | None, solver: Solver, work: Work, title: str, spent: int
-) -> ArmOutcome:
+    task: ArmTask, solver: Solver, work: Work, mesh: AxisMesh, before: OnMesh | None
+) -> OnMesh:  # fmt: skip
     """Optimise on a mesh, adding pairs that come too near, and evaluate the result."""
-    guess = task.guess() if before is None else _with_planes(task, before.solutions)
-    active = before.active if before is not None else _ahead(task, guess)
-    solutions: list[Solution] = []
+    if before is None:
+        guess = task.guess()
+        active, begun = _ahead(task, guess), 0
+    else:
+        guess, active, begun = _with_planes(task, before.kept.solutions), before.kept.active, before.kept.spent
+    solutions, spent = list[Solution](), begun
     for _ in range(ROUNDS):
         solutions = optimised(task, active, mesh, guess, solver, work, spent)
         spent += solutions[0].iterations
-        if not solutions[0].status.converged or task.near is None or task.clearance is None:
+        if not solutions[0].status.converged or task.near is None:
             break
         distances = np.vstack([task.near.distances(s.trajectory["arm.q"]) for s in solutions])
         near = np.flatnonzero(distances.min(axis=0, initial=np.inf) < task.required)
@@ -90,8 +84,8 @@ def on_this_mesh(
         if not added or work.interrupted():
             break
         active, guess = sorted({*active, *added}), _with_planes(task, solutions)
-    study = _evaluated(task, mesh, solutions, active, title)
-    return ArmOutcome(mesh, solutions, active, study.with_(iterations=spent))
+    study = _evaluated(task, mesh, solutions, active, work.title)
+    return OnMesh(mesh, study.with_(iterations=spent - begun), Segments(solutions, active, spent))
 
 
 def _ahead(task: ArmTask, guess: Sequence[Trajectory]) -> list[int]:
@@ -276,18 +270,5 @@ def arm_study(
     work.step("equations")
     task = task_of(robot, start, goal, waypoints, limits or ArmLimits(), cost or LITTLE_EFFORT, clearance)
     work.step("transcribing")
-    first = on_this_mesh(task, mesh, None, solver, work, work.title, 0)
-
-    def finer(outcome: ArmOutcome) -> AxisMesh | None:
-        return finer_mesh(outcome.mesh, outcome.checks, MENDED) if outcome.study.status.converged else None
-
-    def again(before: ArmOutcome, on: AxisMesh) -> ArmOutcome | str:
-        after = on_this_mesh(task, on, before, solver, work, work.title, before.study.iterations or 0)
-        return after if after.study.status.converged else f"on {on.elements} elements: {after.study.message}"
-
-    outcome, trouble = refined(first, finer, again, work.interrupted)
-    study, message = outcome.study, outcome.study.message
-    if outcome is not first:
-        message += refinement_note(mesh.elements, outcome.mesh.elements, failed_of(first.checks))
-    notes = [*task.robot.structure.notes, *study.notes]
-    return replace(study, message="; ".join(filter(None, [message, trouble])), notes=notes)
+    study = study_on_meshes(partial(on_this_mesh, task, solver, work), mesh, MENDED, work.interrupted)
+    return study.with_(notes=[*task.robot.structure.notes, *study.notes])
