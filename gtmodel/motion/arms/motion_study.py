@@ -21,6 +21,7 @@ from ...results.trajectory_files import TRAJECTORY, csv_bytes
 from ...results.work import WorkOptions, study_function
 from ..axes.options import AxisCost, AxisMesh
 from ..finer_mesh import FINER, PEAK_SHARE, OnMesh, study_on_meshes
+from ..motion_result import short_names
 from ..options import Solver
 from ..reference import grid
 from .options import ArmLimits, ArmPose, ArmStudy, Waypoint
@@ -78,7 +79,7 @@ def on_this_mesh(
         spent += solutions[0].iterations
         if not solutions[0].status.converged or task.near is None:
             break
-        distances = np.vstack([task.near.distances(s.trajectory["arm.q"]) for s in solutions])
+        distances = np.vstack([task.near.distances(s.trajectory["robot.q"]) for s in solutions])
         near = np.flatnonzero(distances.min(axis=0, initial=np.inf) < task.required)
         added = sorted(set(near.tolist()) - set(active))
         if not added or work.interrupted():
@@ -92,15 +93,17 @@ def _ahead(task: ArmTask, guess: Sequence[Trajectory]) -> list[int]:
     """Return the pairs that come near along a guess."""
     if task.near is None or task.clearance is None:
         return []
-    distances = np.vstack([task.near.distances(run["arm.q"]) for run in guess])
+    distances = np.vstack([task.near.distances(run["robot.q"]) for run in guess])
     return np.flatnonzero(distances.min(axis=0, initial=np.inf) < task.clearance.distance + AHEAD_M).tolist()
 
 
 def _with_planes(task: ArmTask, solutions: Sequence[Solution]) -> list[Trajectory]:
     """Return the motions of solutions as guesses, with planes between all pairs."""
     runs = [s.trajectory for s in solutions]
-    kept = ("arm.q", "der(arm.q)", "der(arm.q,2)")
-    return [Trajectory(run.time, {n: run[n] for n in kept if n in run} | task.planes(run["arm.q"]), {}) for run in runs]
+    kept = ("robot.q", "der(robot.q)", "der(robot.q,2)")
+    return [
+        Trajectory(run.time, {n: run[n] for n in kept if n in run} | task.planes(run["robot.q"]), {}) for run in runs
+    ]
 
 
 def _evaluated(
@@ -170,14 +173,11 @@ def _evaluated(
 
 def _joined(runs: Sequence[Trajectory], title: str) -> Trajectory:
     """Return the motions of all segments as one, with one row where two meet: that of the earlier one."""
-    parts = [slice(0 if k == 0 else 1, None) for k in range(len(runs))]
-    values = {
-        name: np.concatenate([run[name.replace("q", "arm.q") if "q" in name else f"arm.{name}"][rows]
-                              for run, rows in zip(runs, parts, strict=True)])
-        for name in NAMES
-    }  # fmt: skip
-    time = np.concatenate([run.time[rows] for run, rows in zip(runs, parts, strict=True)])
-    return Trajectory(time, values, {"T": "m"}, title=title)
+    parts = [short_names(run, title) for run in runs]
+    rows = [slice(0 if k == 0 else 1, None) for k in range(len(parts))]
+    values = {name: np.concatenate([part[name][new] for part, new in zip(parts, rows, strict=True)]) for name in NAMES}
+    time = np.concatenate([part.time[new] for part, new in zip(parts, rows, strict=True)])
+    return Trajectory(time, values, {name: parts[0].unit(name) for name in NAMES}, title=title)
 
 
 REFERENCE, SAMPLE_S = "reference.csv", 0.004  # of a controller
@@ -193,11 +193,8 @@ def reference_csv(task: ArmTask, run: Trajectory) -> bytes:
         "q": CubicHermite(run.time, q, v)(at), "der(q)": CubicHermite(run.time, v, a)(at),
         "der(q,2)": np.stack([np.interp(at, run.time, column) for column in a.T], axis=1),
     }  # fmt: skip
-    T = compile_causal(task.robot, known="q", targets="T")(rows["q"])[0]
-    units = {"q": "rad", "der(q)": "rad/s", "der(q,2)": "rad/s2"}
-    if any(joint.kind == "prismatic" for joint in task.robot.structure.joints):
-        units = {}
-    return csv_bytes(Trajectory(times, rows | {"T": T}, units | {"T": "m"}, title=run.title))
+    rows["T"] = compile_causal(task.robot, known="q", targets="T")(rows["q"])[0]
+    return csv_bytes(Trajectory(times, rows, {name: run.unit(name) for name in rows}, title=run.title))
 
 
 def _figure(task: ArmTask, run: Trajectory, places: list[int]) -> Any:

@@ -112,7 +112,8 @@ class ArmTask:
             time = max(SLOWER * 1.875 * float(np.max(np.abs(step) / speed)), 2 * SHORTEST_TIME_S)
             q = a.q + shape[:, None] * step
             values = {
-                "arm.q": q, "der(arm.q)": rate[:, None] * step / time, "der(arm.q,2)": bend[:, None] * step / time**2,
+                "robot.q": q, "der(robot.q)": rate[:, None] * step / time,
+                "der(robot.q,2)": bend[:, None] * step / time**2,
             }  # fmt: skip
             runs.append(Trajectory(begin + time * s, values | self.planes(q), {}))
             begin += time
@@ -141,23 +142,23 @@ class ArmTask:
         bounded = [i for i, (low, high) in enumerate(_limits(self.robot)) if np.isfinite([low, high]).any()]
 
         class Segment(gt.Optimization):
-            arm: Any
+            robot: Any
             metre: Any
 
             def objective(self) -> Any:
                 total = task.cost.time * (self.final_time - self.start_time)
                 if task.cost.energy:
-                    shares = [self.arm.tau[i] / self.largest[i] for i in range(len(task.effort))]
+                    shares = [self.robot.tau[i] / self.largest[i] for i in range(len(task.effort))]
                     total = total + task.cost.energy * gt.integral(sum((x**2 for x in shares[1:]), shares[0] ** 2))
                 return total
 
             def constraints(self) -> Any:
-                q, tau = self.arm.q, self.arm.tau
+                q, tau = self.robot.q, self.robot.tau
                 if not first:
                     yield self.final_time - self.start_time >= SHORTEST_TIME_S
                 else:
-                    yield from task.poses[0].rows(self.arm, self.start_time)
-                yield from last.rows(self.arm, self.final_time)
+                    yield from task.poses[0].rows(self.robot, self.start_time)
+                yield from last.rows(self.robot, self.final_time)
                 for i in range(len(task.effort)):
                     if np.isfinite(task.effort[i]):
                         yield gt.between(-self.largest[i], tau[i], self.largest[i])
@@ -189,7 +190,7 @@ class ArmTask:
                         yield gt.dot(n, point) - c <= -b.radius
 
         declared: dict[str, Any] = {
-            "arm": gt.part(self.robot), "metre": gt.parameter(1.0, unit="m"),
+            "robot": gt.part(self.robot), "metre": gt.parameter(1.0, unit="m"),
             "largest": gt.parameter(np.where(np.isfinite(self.effort), self.effort, 1.0)),
             "final_time": gt.free(float(guess.time[-1]), min=SHORTEST_TIME_S, unit="s"),
         }  # fmt: skip
@@ -210,7 +211,7 @@ def placed(model: Any, near: LinkDistances, body: int) -> list[Any]:
     if b.frame == 0:
         R, r = near.frames(np.zeros(len(near.robot.structure.leaders)))
         return [(R[0, 0] @ p + r[0, 0]) * model.metre for p in b.points]
-    frame = model.arm.links[b.frame - 1].after
+    frame = model.robot.links[b.frame - 1].after
     return [frame.r + frame.R @ p * model.metre for p in b.points]
 
 
