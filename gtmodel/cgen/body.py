@@ -133,8 +133,8 @@ def trimmed(text: str, prefix: str, symbols: set[str], kernels: Collection[str] 
         )
     text = _BODY.sub(_with_unused, text)
     text = _FUNCTION.sub(lambda m: _direct(m[0]) if m[1] in symbols else m[0], text)
-    for found, strict in _STRICT:
-        text = text.replace(found, strict)
+    for loose, strict in _STRICT:
+        text = text.replace(loose, strict)
     text = _HELPER.sub(r"static inline \1 ", text)
     for kernel in sorted(kernels):
         text = _residual_alone(text, kernel)
