@@ -9,10 +9,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..geometry.distances import segment_to_box
 from ..geometry.pinhole import pixel_jacobian, project
 from ..geometry.quaternions import quaternion_matrix
 from ..kinematics.workspace import Limit, Poses
-from ..kinematics.workspace.clearance import segment_to_box
 from ..lang import Model, dot, parameter, part, variable
 from ..lang.source import ModelError
 
@@ -185,8 +185,10 @@ class LineOfSight:
     def margins(self, poses: Poses) -> Array:
         """Return (n, boxes) [m]: distance of the line from each box less the clearance; negative behind a box."""
         start = np.broadcast_to(np.asarray(self.at, float), poses.T.shape)
-        boxes = zip(np.asarray(self.low, float), np.asarray(self.high, float), strict=True)
-        return np.stack([segment_to_box(start, poses.T, a, b) for a, b in boxes], axis=1) - self.clearance
+        low, high = np.asarray(self.low, float), np.asarray(self.high, float)
+        boxes = zip((low + high) / 2, (high - low) / 2, strict=True)
+        gaps = [segment_to_box(start - center, poses.T - center, half)[0] for center, half in boxes]
+        return np.stack(gaps, axis=1) - self.clearance
 
 
 def sampled(covariance: Array, rng: np.random.Generator) -> Array:

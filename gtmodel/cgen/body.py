@@ -17,7 +17,7 @@ from .real import GenerationError, comment
 _EXPORTED = re.compile(r"^CASADI_SYMBOL_EXPORT [^\n]*?(\w+)\([^\n]*\{(?:[^\n]*\}\n|.*?^\}\n)\n?", re.M | re.S)
 _CONSTANT = re.compile(r"^static const casadi_int (casadi_s\d+)\[[^\n]*;\n", re.M)
 # CasADi's helpers, such as casadi_sq, have external linkage: a compiler for shared code must call them, not inline them
-_HELPER = re.compile(r"^casadi_real (?=casadi_\w+\()", re.M)
+_HELPER = re.compile(r"^(casadi_real|casadi_int|void) (?=casadi_\w+\()", re.M)
 # gcc calls libm for fmin and fmax, because no instruction treats NaN as they do. This expression gives the same bits,
 # also for NaN (the result is the other argument) and for zeros of different signs (the result is the first); if y is
 # constant it takes one comparison.
@@ -32,7 +32,14 @@ _INLINE["fabs"] = (
     re.compile(r"^(casadi_real casadi_fabs\(casadi_real x\) \{)\n.*?^\}\n", re.M | re.S),
     r"\1 return fabs(x);}\n",
 )
-# our own calls pass no null pointer: CasADi's test of each pointer costs two instructions
+# CasADi's helpers for tables convert an integer and declare a name twice, of which strict compilers warn
+_STRICT = (
+    ("(x-g0)*(ng-1)/dg", "(x-g0)*(casadi_real) (ng-1)/dg"),
+    ("  do {\n    casadi_int i, j;\n", "  do {\n    casadi_int j;\n"),
+)
+_FUNCTION = re.compile(r"^/\* (\w+):\([^\n]*\n.*?^\}\n", re.M | re.S)
+# our own calls pass no null pointer: CasADi's test of each pointer costs two instructions. Calls of external functions
+# by CasADi do.
 _NULL_CHECKS = (
     (re.compile(r"\bif \(res\[\d+\]!=0\) (?=res\[)"), ""),
     (re.compile(r"\barg\[(\d+)\]\? (arg\[\1\]\[\d+\]) : 0;"), r"\2;"),
@@ -125,13 +132,20 @@ def trimmed(text: str, prefix: str, symbols: set[str], kernels: Collection[str] 
             f"CasADi {ca.CasadiMeta.version()} writes a body that can fail, which gtmodel does not know"
         )
     text = _BODY.sub(_with_unused, text)
-    for null_check, direct in _NULL_CHECKS:
-        text = null_check.sub(direct, text)
-    text = _HELPER.sub("static inline casadi_real ", text)
+    text = _FUNCTION.sub(lambda m: _direct(m[0]) if m[1] in symbols else m[0], text)
+    for loose, strict in _STRICT:
+        text = text.replace(loose, strict)
+    text = _HELPER.sub(r"static inline \1 ", text)
     for kernel in sorted(kernels):
         text = _residual_alone(text, kernel)
     lines = [line.rstrip() for line in text.splitlines()]
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip("\n") + "\n"
+
+
+def _direct(function: str) -> str:
+    for null_check, direct in _NULL_CHECKS:
+        function = null_check.sub(direct, function)
+    return function
 
 
 def _residual_alone(text: str, kernel: str) -> str:

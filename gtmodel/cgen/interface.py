@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import casadi as ca
 import numpy as np
 
 from ..compiler.analysis.sizes import Sizes
@@ -184,10 +187,19 @@ def interfaces(
     result = []
     for key, function in functions.items():
         check_identifier(key, "a function", "functions")
-        if calls := function.plan.flat.scope.calls:
+        calls = function.plan.flat.scope.calls
+        if calls and real is not DOUBLE:
             raise GenerationError(
-                f"'{key}' cannot become C, since its model calls the external function '{calls[0]}', whose operations "
-                "CasADi cannot write out; give gt.external an SX function, or a table with gt.interpolate",
+                f"'{key}' cannot become C in {real.name}, since its model calls the external function "
+                f"'{calls[0].name()}'; generate double, or give gt.external a function whose operations CasADi can "
+                "write out",
+                "real",
+            )
+        if wrong := next((f for f in calls if not _has_c(f)), None):
+            raise GenerationError(
+                f"'{key}' cannot become C, since its model calls the external function '{wrong.name()}', for which "
+                "CasADi writes no C, as for a callback, a solver or a compiled library; give gt.external a function of "
+                "CasADi's operations, or a table with gt.interpolate",
                 "functions",
             )
         time = (CausalSignal("time", (), "s", ()),) if function.plan.uses_time else ()
@@ -207,6 +219,16 @@ def interfaces(
         result.append(face)
     _check_distinct(result, name)
     return result
+
+
+def _has_c(f: ca.Function) -> bool:
+    """Return whether CasADi writes all of the C of a function."""
+    if any(g.is_a("External", True) for g in (f, *f.find_functions())):
+        return False  # its C only declares what a library defines
+    generator = ca.CodeGenerator("f.c")
+    with contextlib.redirect_stderr(io.StringIO()):  # CasADi warns; the caller says it
+        generator.add(f)
+        return "#error" not in generator.dump()
 
 
 def places(members: Iterable[Member], first: int = 0) -> list[tuple[slice, Member]]:

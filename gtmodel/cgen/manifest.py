@@ -142,7 +142,8 @@ def manifest(
 
 
 def operations(f: ca.Function) -> int:
-    """Return the number of arithmetic operations and libm calls in one evaluation of an SX function."""
+    """Return the number of arithmetic operations and libm calls in one evaluation of an SX function; a call of an
+    external function counts as one."""
     passing = (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_ASSIGN, ca.OP_PARAMETER)
     return sum(f.instruction_id(k) not in passing for k in range(f.n_instructions()))
 

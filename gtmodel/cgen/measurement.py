@@ -22,6 +22,7 @@ from .steps.function import StepFace, StepFunction, faces_of
 from .wrapper import elements
 
 CALLS = 100  # counted calls; one more precedes them, so that the dynamic linker has done its work
+EXTERNAL = "external functions"
 DRAWS = 200  # random points; the first one with a solution is used
 
 _BEHIND = re.compile(r"^CASADI_SYMBOL_EXPORT int (\w+)\([^\n]*\{\n *return casadi_(f\d+)\(", re.M)
@@ -33,9 +34,10 @@ class Costs:
     """Costs of generated functions, each by C name.
 
     text_bytes: machine code. Code that the compiler merged counts for the function that keeps it; the one copy of
-        Newton's method counts for the first function that calls it.
+        Newton's method counts for the first function that calls it, and so do external functions (gt.external).
     newton_bytes: part of text_bytes in Newton blocks and their guards, without the closed form after them.
-    stack_bytes: stack of a call, including the functions that it calls.
+    stack_bytes: stack of a call, including the functions that it calls. A table of several arguments calls itself for
+        each of them, which counts once.
     instructions: of one call with its guards.
     symbols: external symbols that the folder defines.
     missing: one sentence on what could not be counted, or "".
@@ -84,6 +86,9 @@ def costs(folder: Path, functions: Mapping[str, CausalFunction | StepFunction]) 
         # the one copy of Newton's method counts for the first function that calls it
         for first in [f.symbol for f in faces if f.newton][:1]:
             parts[first].append("solve")
+        calling = {f.symbol for f in faces if f.function.plan.flat.scope.calls}
+        for first in [f.symbol for f in faces if f.symbol in calling][:1]:
+            parts[first].append(EXTERNAL)
         text = {symbol: sum(sizes.get(p, 0) for p in names) for symbol, names in parts.items()}
         newton = {f.symbol: text[f.symbol] - sizes.get(f.body, 0) for f in faces if f.newton}
         stack = {
@@ -91,6 +96,7 @@ def costs(folder: Path, functions: Mapping[str, CausalFunction | StepFunction]) 
             + sum(frames.get(f"solve_{f.key}{k}", 0) for k in range(len(f.newton)))
             + (frames.get("solve", 0) if f.newton else 0)
             + max(frames.get(p, 0) for p in f.bodies)
+            + (frames.get(EXTERNAL, 0) if f.symbol in calling else 0)
             for f in faces
         }
         for step in steps:
@@ -133,7 +139,12 @@ def _compiled(
             where, size, _ = line.split("\t")
             frames[where.rpartition(":")[2].partition(".")[0]] = int(size)
     # a body calls a static function with its statements, unless the compiler inlined it
-    for symbol, static in _BEHIND.findall((folder / f"gt_{name}_body.c").read_text()):
+    behind = _BEHIND.findall((folder / f"gt_{name}_body.c").read_text())
+    own = {f"{prefix}_{static}" for _, static in behind for prefix in (f"gt_{name}_body", "casadi")}
+    for counted in (sizes, frames):  # of external functions, each called within the other at worst
+        helpers = [s for s in counted if s.startswith((f"gt_{name}_body_", "casadi_")) and s not in own]
+        counted[EXTERNAL] = sum(counted[s] for s in helpers)
+    for symbol, static in behind:
         sizes[symbol] = sizes.get(symbol, 0) + sizes.get(f"gt_{name}_body_{static}", 0)
         frames[symbol] = frames.get(symbol, 0) + frames.get(
             f"gt_{name}_body_{static}", frames.get(f"casadi_{static}", 0)

@@ -121,8 +121,9 @@ def _stages(f: CausalFunction, symbol: str, real: Real) -> Stages:
 
 
 def loops_of(f: CausalFunction, symbol: str, body: ca.Function) -> Lanes | None:
-    """Return the body as loops over equal parts, if it is large and the loops have at most 1 / SHORTER of its lines."""
-    if body.n_instructions() < LARGE:
+    """Return the body as loops over equal parts, if it is large, calls no external function, and the loops have at most
+    1 / SHORTER of its lines."""
+    if body.n_instructions() < LARGE or f.flat.scope.calls:
         return None
     opened = open_body(f, symbol)
     lanes = None if opened is None else lanes_of(opened)

@@ -47,8 +47,9 @@ def draw(face: Interface, rows: int, seed: int, farthest: float = FARTHEST) -> n
         chain = plan.chain
         joints = samples_of(function, chain.symbols)[near[::2]] * [sign for sign, _ in chain.kept]
         joints += spread[::2] * rng.standard_normal(joints.shape)
-        columns = np.array([pairs.index(p) for p in chain.read])
-        values[np.ix_(np.arange(0, rows, 2), columns)] = chain.pose_values(joints)
+        columns = np.array([pairs.index(p) for p in chain.given])
+        locked = np.array([sign * values[::2, pairs.index(p)] for sign, p in chain.locked]).reshape(-1, len(joints)).T
+        values[np.ix_(np.arange(0, rows, 2), columns)] = chain.pose_values(joints, locked)
     if plan.on_known:
         values[::2] = satisfying(function, pairs, values[::2])
     if plan.uses_time:

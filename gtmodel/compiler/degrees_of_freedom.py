@@ -40,7 +40,7 @@ class DegreesOfFreedom:
     `groups`: the positions of which coordinates are known, then the known rotations, by name and indices. `equations`:
     (name, number of the coordinate or of the axis of rotation) of what they fix; `chosen` and `dropped` are independent
     and dependent ones. `count`: the degrees of freedom of the mechanism that have equations with them. `alone`: nothing
-    else that concerns these is known.
+    else that concerns these is known, except joints of an open chain, `locked`.
     """
 
     def __init__(self, flat: FlatModel, known: Collection[int]) -> None:
@@ -54,7 +54,7 @@ class DegreesOfFreedom:
         self.equations = [(n, k) for n, i in self.groups for k in range(3) if n in self.rotations or i[k] in known]
         self.chosen: list[tuple[str, int]] = []
         self.dropped: list[tuple[str, int]] = []
-        self.count, self.alone = 0, True
+        self.count, self.alone, self.locked = 0, True, list[int]()
         self._alias = eliminate(flat, frozenset())
         equations = _connected(flat, self._alias, [i for _, indices in self.groups for i in indices])
         if not equations:
@@ -74,14 +74,18 @@ class DegreesOfFreedom:
         others = {self._alias.resolve(i, 0)[1] for i in known} - {
             self._alias.resolve(i, 0)[1] for _, indices in self.groups for i in indices
         }
-        self.alone = not any((i, 0) in self._sampler.position for i in others)
+        others = {i for i in others if (i, 0) in self._sampler.position}
+        self.locked = [i for i in self.joints if self._alias.resolve(i, 0)[1] in others] if others else []
+        self.alone = len(self.locked) == len(others) and (not others or self.is_open)
+        held = [self._sampler.position[i, 0] for i in others] if self.alone else []
+        self._moving = [t @ _null_space(t[held]) if held else t for t in self._tangents]
         self._choose()
 
     def _choose(self) -> None:
         """Choose rows group by group, those that depend least on the ones before at the worst point first."""
         places = {(name, k): 3 * g + k for g, (name, _) in enumerate(self.groups) for k in range(3)}
         left = [np.vstack([self._rows(n, i, w, t) for n, i in self.groups])
-                for w, t in zip(self._points, self._tangents, strict=True)]  # fmt: skip
+                for w, t in zip(self._points, self._moving, strict=True)]  # fmt: skip
         size = max(float(np.max(np.abs(m), initial=0.0)) for m in left)
         for name, indices in self.groups:
             todo = [e for e in self.equations if e[0] == name]
@@ -133,9 +137,11 @@ class DegreesOfFreedom:
 
     def pose(self) -> tuple[list[int], list[int]] | None:
         """Return the indices of position and rotation of a frame of which all or some numbers are known; None if its
-        known numbers do not determine the mechanism, or if no frame is known."""
+        known numbers and known joints do not determine the mechanism, or if no frame is known."""
         flat = self._flat
-        if len(self.groups) > 2 or not self.count or not self.alone or len(self.chosen) < self.count:
+        if len(self.groups) > 2 or not self.count or not self.alone:
+            return None
+        if len(self.locked) + len(self.chosen) < self.count:
             return None
         rotation = next((i for n, i in self.groups if n in self.rotations), None)
         position = next((i for n, i in self.groups if n not in self.rotations), None)
@@ -160,7 +166,7 @@ class DegreesOfFreedom:
     def summary(self) -> str:
         """A sentence about the degrees of freedom that the known values fix; "" if they are those of the mechanism."""
         numbers, fixed = len(self.equations), len(self.chosen)
-        if not self.count or not self.alone or fixed == numbers == self.count:
+        if not self.count or not self.alone or self.locked or fixed == numbers == self.count:
             return ""
         names = " and ".join(n for n, _ in self.groups)
         has, fix = ("has", "fixes") if len(self.groups) == 1 else ("have", "fix")

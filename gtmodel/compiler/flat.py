@@ -117,13 +117,15 @@ class FlatLoops:
     """The closings of a model, the user's words on them, all edges of components, and the constraints that were dropped
     as redundant.
 
-    `loose` are the components whose reactions depend on that choice; `notes` say both. `mobility` counts the degrees
-    of freedom of the assembled mechanism; it is None before the loops are settled.
+    `floating` are components of links whose orientation no joint and no body determines, `loose` those whose reactions
+    depend on the choice of constraints; `notes` say both. `mobility` counts the degrees of freedom of the assembled
+    mechanism; it is None before the loops are settled.
     """
 
     closings: list[FlatClosing]
     words: list[Loops]
     edges: list[TreeEdge] = field(default_factory=list)
+    floating: list[Model] = field(default_factory=list)
     dropped: list[FlatEquation] = field(default_factory=list)
     mobility: int | None = None
     loose: frozenset[str] = frozenset()
@@ -263,7 +265,7 @@ def flatten(model: Model | Builder) -> FlatModel:
     every = [(item, c) for c in tree.components for item, _ in items_of[id(c)]]
     words = [item for item, _ in every if isinstance(item, Loops)]
     edges = [(item, c) for item, c in every if isinstance(item, TreeEdge)]
-    loop_cuts, backwards = cuts_of([item for item, _ in every if isinstance(item, Connection)], edges, words)
+    loop_cuts, backwards, floating = cuts_of([item for item, _ in every if isinstance(item, Connection)], edges, words)
     cuts = {id(cut.component): cut for cut in loop_cuts}
     closings: list[FlatClosing] = []
     for component in tree.components:
@@ -323,7 +325,7 @@ def flatten(model: Model | Builder) -> FlatModel:
         events=collect_events(tree, whens, equations),
         rotations=frozenset(r.name for r in tree.variables if r.item.kind == "rotation"),
         positive=frozenset(q.name for q in parameters if q.symbol.element_hash() in positive),
-        loops=FlatLoops(closings, words, [e for e, _ in edges]),
+        loops=FlatLoops(closings, words, [e for e, _ in edges], floating),
     )
     flat.made = flatten, (model,)
     if isinstance(model, Model):

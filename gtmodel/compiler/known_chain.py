@@ -44,8 +44,10 @@ class KnownChain:
     """A serial chain whose pose is known.
 
     `joints`: the indices of its coordinates; `kept`: sign and symbol (index, order) that stand for each; `T`, `R`: the
-    known pose, R is None if only the position is known; `reached`: T and then R in columns, in terms of `kept`; `read`:
-    the known symbols, and `place` their places in T and the rows of R.
+    known pose, R is None if only the position is known; `closures`: what the joints reach less the known numbers, in
+    terms of `kept`; `given`: the known symbols of the pose, and `place` their places in T and the rows of R. `locked`:
+    sign and symbol of known joints at the ends of the `whole` chain, which move `T` and `R`; `free`: the places of the
+    other joints in it.
     """
 
     flat: FlatModel
@@ -54,22 +56,33 @@ class KnownChain:
     kept: list[tuple[float, Pair]]
     T: ca.SX
     R: ca.SX | None
-    reached: ca.SX
-    read: list[Pair]
+    closures: ca.SX
+    given: list[Pair]
     place: list[int]
+    locked: list[tuple[float, Pair]]
+    whole: Chain
+    free: list[int]
 
     @property
     def symbols(self) -> list[Pair]:
         return [pair for _, pair in self.kept]
 
     @property
+    def read(self) -> list[Pair]:
+        """All known symbols."""
+        return [*self.given, *(pair for _, pair in self.locked)]
+
+    @property
     def has_conditions(self) -> bool:
         """Whether more numbers of the pose are known than the chain has joints."""
         return len(self.joints) < (6 if self.R is not None else 3)
 
-    def pose_values(self, q: np.ndarray) -> np.ndarray:
-        """Return the known values (m, read) at joint coordinates q (m, n)."""
-        T, R = self.chain.pose(q)
+    def pose_values(self, q: np.ndarray, locked: np.ndarray) -> np.ndarray:
+        """Return the known values (m, given) at joint coordinates q (m, n), for known ones (m, locked)."""
+        joints = np.empty((len(q), len(self.whole)))
+        joints[:, self.free] = q
+        joints[:, [k for k in range(len(self.whole)) if k not in self.free]] = locked
+        T, R = self.whole.pose(joints)
         return np.hstack([T, R.reshape(-1, 9)])[:, self.place]
 
     @property
@@ -123,8 +136,7 @@ class KnownChain:
             label = f"{b.name}, {b.words[0]} (+) or {b.words[1]} (-)"
             first = -1 if decided and value < 0 else 1
             roots.append(Root(sign, slope, label, first, name=b.name, default=not decided))
-        given = self.T if self.R is None else ca.vertcat(self.T, ca.vec(self.R))
-        closures = tuple(ca.vertsplit(self.reached[: given.numel()] - given))
+        closures = tuple(ca.vertsplit(self.closures))
         equations = [f"the pose of the chain of {', '.join(names)}"]
         unknowns = [s.name() for s in symbols]
         return SolvedBlock(CLOSED, unknowns, equations, assignments, margins, roots, form.structure, closures=closures)
@@ -244,12 +256,58 @@ def _known_chain(flat: FlatModel, alias: AliasResult, known: Sequence[int], forw
     at = None if chain is None else _known_position(chain, positions, known, flat)
     if chain is None or at is None:
         return None
-    kept = [(float(sign), (i, 0)) for sign, i, _ in places]
-    reached = ca.substitute(ca.vertcat(T, ca.vec(R)), u, ca.vertcat(*[s * flat.scope.symbol(*p) for s, p in kept]))
+    symbols = [sign * flat.scope.symbol(i, 0) for sign, i, _ in places]
+    reached = ca.substitute(ca.vertcat(T, ca.vec(R)), u, ca.vertcat(*symbols))
     turned = ca.reshape(ca.vertcat(*[flat.scope.symbol(i, 0) for i in rotations]), 3, 3).T if oriented else None
+    closures = reached - ca.vertcat(at, ca.vec(turned)) if turned is not None else reached[:3] - at
     place = [k for k, i in enumerate((*positions, *rotations)) if i in set(known)]
-    read = [((*positions, *rotations)[k], 0) for k in place]
-    return KnownChain(flat, chain, joints, kept, at, turned, reached, read, place)
+    given = [((*positions, *rotations)[k], 0) for k in place]
+    free = [k for k, i in enumerate(joints) if i not in fixed.locked]
+    shorter = _between(chain, free, symbols, at, turned)
+    if shorter is None:
+        return None
+    kept, locked = (
+        [(float(sign), (i, 0)) for k, (sign, i, _) in enumerate(places) if (k in free) is within]
+        for within in (True, False)
+    )
+    return KnownChain(
+        flat, shorter[0], [joints[k] for k in free], kept, *shorter[1:], closures, given, place, locked, chain, free
+    )
+
+
+def _between(
+    chain: Chain, free: list[int], q: Sequence[ca.SX], T: ca.SX, R: ca.SX | None
+) -> tuple[Chain, ca.SX, ca.SX | None] | None:
+    """Return the chain of the joints `free`, and the pose that it must reach, for known coordinates q of all others;
+    None if these are not at its ends, or at the far end without a known rotation."""
+    if len(free) == len(chain):
+        return chain, T, R
+    first, last = free[0], free[-1] + 1
+    if len(free) < last - first or (R is None and last < len(chain)):
+        return None
+
+    def back(k: int, p: ca.SX) -> ca.SX:
+        """The point p before the motion of joint k."""
+        h, o = ca.SX(chain.axes[k]), ca.SX(chain.points[k])
+        if not chain.revolute[k]:
+            return p - h * q[k]
+        w = p - o
+        return o + w * ca.cos(q[k]) - ca.cross(h, w) * ca.sin(q[k]) + h * ca.dot(h, w) * (1 - ca.cos(q[k]))
+
+    def turned_back(k: int, directions: ca.SX) -> ca.SX:
+        zero = back(k, ca.SX.zeros(3))
+        return ca.horzcat(*[back(k, d) - zero for d in ca.horzsplit(directions)])
+
+    for k in range(first):
+        T, R = back(k, T), None if R is None else turned_back(k, R)
+    if R is not None and last < len(chain):
+        origin, frame = ca.SX(chain.T), ca.SX(chain.R)
+        for k in reversed(range(last, len(chain))):
+            origin, frame = back(k, origin), turned_back(k, frame)
+        home = ca.SX(chain.R)
+        T, R = T + R @ home.T @ (origin - chain.T), R @ home.T @ frame
+    kinds = chain.revolute[first:last]
+    return Chain(chain.axes[first:last], chain.points[first:last], kinds, chain.T, chain.R), T, R
 
 
 def _explicit(forward: Forward, joints: Sequence[int], targets: Sequence[Pair]) -> CausalPlan | None:

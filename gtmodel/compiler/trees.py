@@ -50,9 +50,9 @@ def loop_of(component: Model, cut: LoopCut | None) -> str:
 
 def cuts_of(
     connections: Sequence[Connection], edges: Sequence[tuple[TreeEdge, Model]], loops: Sequence[Loops]
-) -> tuple[list[LoopCut], set[int]]:
-    """Return the joints that are cut so that connections and edges form trees, in order of declaration, and the ids of
-    the edges that the trees pass from port b to port a.
+) -> tuple[list[LoopCut], set[int], list[Model]]:
+    """Return the joints that are cut so that connections and edges form trees, in order of declaration, the ids of the
+    edges that the trees pass from port b to port a, and the components of trees without a root.
 
     Cut are the joints that the user names, then passive joints, those farthest from the roots and declared last first.
     Raises ModelError for a loop without a joint that can be cut, naming its ports and the line that closes it, and for
@@ -96,7 +96,13 @@ def cuts_of(
                     entry.where,
                 )
     order = {id(e): n for n, (e, _) in enumerate(edges)}
-    return sorted(cuts, key=lambda c: order[id(c.edge)]), _reversed(forest)
+    rooted, stack = {ROOT}, [ROOT]
+    while stack:
+        reached = {node for node, _ in forest[stack.pop()]} - rooted
+        rooted |= reached
+        stack += reached
+    floating = [c for e, c in edges if id(e.b) not in rooted] if len(rooted) > 1 else []
+    return sorted(cuts, key=lambda c: order[id(c.edge)]), _reversed(forest), floating
 
 
 def _reversed(forest: dict[int, list[tuple[int, _Link]]]) -> set[int]:

@@ -53,27 +53,20 @@ def segment_to_box(a: ArrayLike, b: ArrayLike, half: ArrayLike) -> Nearest:
     array([1.5])
     """
     a, b = (np.atleast_2d(np.asarray(x, float)) for x in (a, b))
-    half, u = np.asarray(half, float), b - a
+    half, u, rows = np.asarray(half, float), b - a, np.arange(len(a))
     with np.errstate(divide="ignore", invalid="ignore"):
         faces = np.concatenate([(side * half - a) / u for side in (-1.0, 1.0)], axis=1)
-    edges = np.clip(np.nan_to_num(faces, nan=0.0, posinf=0.0, neginf=0.0), 0.0, 1.0)
-    edges = np.sort(np.concatenate([edges, np.zeros((len(a), 1)), np.ones((len(a), 1))], axis=1), axis=1)
-    least, best = np.full(len(a), np.inf), np.zeros(len(a))
-    for k in range(edges.shape[1] - 1):
-        low, high = edges[:, k], edges[:, k + 1]
-        x = a + ((low + high) / 2)[:, None] * u
-        out = np.abs(x) > half  # coordinates that count between these faces
-        offset = np.where(out, a - np.sign(x) * half, 0.0)
-        slope = np.where(out, u, 0.0)
-        steep = np.einsum("mi,mi->m", slope, slope)
-        s = -np.einsum("mi,mi->m", slope, offset) / np.where(steep > 0, steep, 1.0)
-        s = np.clip(np.where(steep > 0, s, low), low, high)
-        p = a + s[:, None] * u
-        square = np.sum(np.maximum(np.abs(p) - half, 0.0) ** 2, axis=1)
-        better = square < least
-        least, best = np.where(better, square, least), np.where(better, s, best)
-    p = a + best[:, None] * u
-    return np.sqrt(least), p, np.clip(p, -half, half)
+    faces = np.where(np.isfinite(faces), np.clip(faces, 0.0, 1.0), 0.0)
+    t = np.sort(np.concatenate([faces, np.zeros((len(a), 1)), np.ones((len(a), 1))], axis=1), axis=1)
+    p = a[:, None] + t[..., None] * u[:, None]
+    slope = np.einsum("mki,mi->mk", p - np.clip(p, -half, half), u)
+    # the derivative increases and is linear between the planes: its root lies where its sign changes
+    k = np.clip((slope < 0).sum(axis=1), 1, t.shape[1] - 1)
+    t0, t1, s0, s1 = t[rows, k - 1], t[rows, k], slope[rows, k - 1], slope[rows, k]
+    root = np.where(s1 > s0, t0 - s0 * (t1 - t0) / np.where(s1 > s0, s1 - s0, 1.0), t0)
+    p = a + np.clip(np.where(slope[:, 0] >= 0, 0.0, root), 0.0, 1.0)[:, None] * u
+    on_box = np.clip(p, -half, half)
+    return np.linalg.norm(p - on_box, axis=1), p, on_box
 
 
 def bounding_capsule(size: ArrayLike) -> tuple[float, int, float]:

@@ -27,7 +27,8 @@ from ..compiler.loops import (
 from ..compiler.positions import CLOSED, Positions, positions_of
 from ..compiler.trees import loop_of
 from ..geometry.rotations import rotation_by
-from ..lang import Builder, Connector, Model
+from ..lang import Builder, Connector, Model, ModelError
+from ..lang.connect import place_of
 from ..lang.slips import named
 from ..mechanics.frames import Frame
 
@@ -142,8 +143,8 @@ def mobility(model: Model | Builder, outputs: str | Sequence[str] = ()) -> Mobil
         outputs: names of variables; motions that move none of them are idle. By default idle are motions that move
             nothing but one body between two or more joints.
 
-    Raises ModelError for a parameter without a value, and for a mechanism that cannot be assembled, naming the joint
-    that closes the loop with the largest gap.
+    Raises ModelError for a parameter without a value, for a link between ball joints whose orientation nothing
+    determines, and for a mechanism that cannot be assembled, naming the joint that closes the loop of the largest gap.
 
     >>> class FourBar(gt.Model):
     ...     ground = gt.part(gt.mechanics.Ground)
@@ -163,6 +164,13 @@ def mobility(model: Model | Builder, outputs: str | Sequence[str] = ()) -> Mobil
     'tip' (position along z, rotation about x, rotation about y)
     """
     flat = flatten(model)
+    if flat.loops.floating:
+        link = flat.loops.floating[0]
+        raise ModelError(
+            f"{flat.title}: nothing determines the orientation of '{link._path}', which ball joints alone connect to "
+            "the rest; connect a FreeBody to it, or use a Universal joint at one end",
+            place_of(link),
+        )
     r = redundancy_of(flat)
     if r.gap > CLOSED:
         raise not_assembled(flat, r.system, r.home, r.gap)

@@ -56,8 +56,8 @@ class External:
             if dimension is not None and dimension != unit.dimension:
                 raise ModelError(f"{what} is in {dimension}; expected {self.inputs[k]}", here())
             columns.append(sx if unit.is_si else sx / unit.scale)
-        if self._written is None and self.name not in scope.calls:
-            scope.calls.append(self.name)
+        if self._written is None and f not in scope.calls:
+            scope.calls.append(f)
         values = (self._written or f).call(columns)
         results = []
         for k, value in enumerate(values):
@@ -78,8 +78,9 @@ def external(function: ca.Function, inputs: Sequence[str], outputs: Sequence[str
     If CasADi can write out the function's operations (all of an SX function, most MX functions), they become part of
     the equations, and everything that gtmodel does with equations holds for them, C included. Otherwise (ca.external,
     ca.interpolant, ca.Callback, a solver) the function stays a call: `opaque` is then true. Such models can be solved,
-    simulated, linearised and optimised, but not generated as C; where gtmodel must rewrite an expression with such a
-    call, as beside gt.sign, a ModelError asks for a variable and an equation of its own.
+    simulated, linearised and optimised. They become C in double if CasADi writes the C of the function, as for a table
+    or an MX function that is not inlined, not for a callback, a solver or a library. Where gtmodel must rewrite an
+    expression with such a call, as beside gt.sign, a ModelError asks for a variable and an equation of its own.
 
     Declare the function once, outside the class or in its body; another function, even with equal content, makes
     another model. Raises ModelError if the number of units differs from the number of inputs or outputs, for an unknown

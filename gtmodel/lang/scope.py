@@ -56,8 +56,8 @@ class Scope(Portable):
         self.modes: list[tuple[ca.SX, Condition]] = []
         # symbols for values just before an event, with their expressions
         self.earlier: list[tuple[ca.SX, ca.SX]] = []
-        # names of external functions that stay calls in the equations
-        self.calls: list[str] = []
+        # external functions that stay calls in the equations
+        self.calls: list[ca.Function] = []
 
     def _reduced(self, pickler: Any) -> tuple[Any, ...]:
         if not self.is_owned or self is pickler.inside:

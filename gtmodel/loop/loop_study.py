@@ -337,6 +337,9 @@ def _compared(bench: Bench, plant: str, title: str) -> LoopStudy:
         )  # fmt: skip
         log.to_csv(bench.place / f"loop_{name}.csv")
         state, why = STATES[one.report["state"]], Status(one.report["status"]).message
+        if one.report["following_faults"]:
+            axis, unit = ("joint", "rad") if bench.joints else ("cart", "m")
+            why = f"a {axis} was farther than {bench.following_m:g} {unit} from its last command (following)"
         if not one.stopped:
             checks[f"{name}_running_at_the_end"] = at_least(float(one.going), 1.0, f"{one.label}: {state}, {why}")
         checks[f"{name}_log_complete"] = at_least(float(bool(one.report["log_complete"])), 1.0, FULL)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from .. import lang as gt
+from ..geometry.distances import segment_to_box
 from ..results import ArgumentError
 from ..results.options import declared, written_name
 from .options import JointCone, MotionLimits, Obstacle
@@ -273,15 +274,7 @@ def clearances(
     """Return the smallest distance [m] of the TCP T (n, 3) and all links (both ends (n, 3) each) from each box."""
     distances = []
     for obstacle in obstacles:
-        box = np.array(obstacle.center), np.array(obstacle.size)
-        distances.append(min(clearance(T, T, *box, 1), *(clearance(a, b, *box) for a, b in links), np.inf))
+        center, half = np.array(obstacle.center), np.array(obstacle.size) / 2
+        gaps = [segment_to_box(a - center, b - center, half)[0] for a, b in [(T, T), *links]]
+        distances.append(float(np.min(gaps)))
     return distances
-
-
-def clearance(points: np.ndarray, ends: np.ndarray, center: np.ndarray, size: np.ndarray, samples: int = 401) -> float:
-    """Return the smallest distance [m] of segments, points (n, 3) to ends (n, 3), from a box; sampled, 0 inside."""
-    least = np.inf
-    for f in np.linspace(0.0, 1.0, samples):
-        outside = np.maximum(np.abs(points + f * (ends - points) - center) - size / 2, 0.0)
-        least = min(least, float(np.min(np.linalg.norm(outside, axis=1))))
-    return least

@@ -1,12 +1,17 @@
-"""Automatic mesh refinement of a motion that fails a check: the next mesh, when to stop, and the message."""
+"""Automatic mesh refinement of a motion that fails a check: the next mesh, when to stop, the study and its message."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeVar
 
+from ..results.check import failed_of
+
+FINER = "use more mesh.elements"  # advice of checks that a finer mesh can make pass
+# limits act at collocation points only; in between, forces and speeds exceed them by less than this
+PEAK_SHARE = 1.01
 # with forces that jump the error is of second order in the element length, with smooth forces of higher order
 ORDER = 2
 SPARE = 1.2  # safety factor
@@ -75,6 +80,45 @@ def refined(
         if not helped(before.checks, outcome.checks):
             break
     return outcome, ""
+
+
+@dataclass(frozen=True)
+class OnMesh:
+    """The study of a motion on one mesh, and the solutions from which the next mesh starts."""
+
+    mesh: Any
+    study: Any
+    kept: Any
+
+    @property
+    def checks(self) -> Mapping[str, Any]:
+        return self.study.checks
+
+
+def study_on_meshes(
+    solved: Callable[[Any, OnMesh | None], OnMesh], mesh: Any, mended: Iterable[str], interrupted: Callable[[], bool]
+) -> Any:
+    """Return the study of the mesh, or of a finer one if a check named in `mended` failed, with all iterations.
+
+    solved: returns the result on a mesh, from that on the previous one.
+    """
+    first = solved(mesh, None)
+    iterations = first.study.iterations or 0
+
+    def finer(outcome: OnMesh) -> Any:
+        return finer_mesh(outcome.mesh, outcome.checks, mended) if outcome.study.status.converged else None
+
+    def again(before: OnMesh, mesh: Any) -> OnMesh | str:
+        nonlocal iterations
+        after = solved(mesh, before)
+        iterations += after.study.iterations or 0
+        return after if after.study.status.converged else f"on {mesh.elements} elements: {after.study.message}"
+
+    outcome, trouble = refined(first, finer, again, interrupted)
+    study = outcome.study
+    why = refinement_note(mesh.elements, outcome.mesh.elements, failed_of(first.checks)).strip()
+    message = "; ".join(filter(None, [study.message, why, trouble]))
+    return study.with_(iterations=iterations, message=message, refined=outcome is not first)
 
 
 def refinement_note(given: int, used: int, failed: Iterable[str]) -> str:

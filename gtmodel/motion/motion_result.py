@@ -13,7 +13,7 @@ from ..optimize.judgement.resimulate import Resimulation, resimulate
 from ..results import Check, Trajectory, at_most
 from ..results.check import failed_of
 from .constraints import MARGIN_TOLERANCE
-from .finer_mesh import finer_mesh, refined
+from .finer_mesh import FINER, finer_mesh, refined
 from .options import MotionProblem
 from .path_parametrization import NotReached, sampled
 from .planning import MotionPlan
@@ -22,7 +22,6 @@ from .search import MotionSearch
 
 # far above the published accuracy of these robots, a fraction of a millimetre
 END_ERROR_BOUND_M = 5e-3
-FINER = "use more mesh.elements"
 NO_EXPORT = "the optimum was found, but not the exportable motion"
 FORCE_TOLERANCE = 1e-9  # relative tolerance of the force limit, which the exported force satisfies at every instant
 SATURATED = 0.99  # share of its limit from which a motor is saturated
@@ -158,8 +157,8 @@ def short_names(trajectory: Trajectory, title: str) -> Trajectory:
     return Trajectory(trajectory.time, values, units, title=title)
 
 
-def energy_of(solution: Solution, unit: float) -> float:
-    """Return sum int (F / unit)^2 dt [s] by collocation quadrature."""
+def energy_of(solution: Solution, unit: Any) -> float:
+    """Return sum int (F / unit)^2 dt [s] by collocation quadrature; unit: one for all motors, or one for each."""
     tau, weights = at_points(solution)
     return float(np.sum(weights[:, None] * (tau / unit) ** 2))
 

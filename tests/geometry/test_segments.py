@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings, strategies as st
+from scipy.optimize import lsq_linear
 
 from gtmodel.geometry.distances import bounding_capsule, segment_to_box, segment_to_segment
 
@@ -62,6 +64,38 @@ def test_segments_and_a_box_against_samples() -> None:
         assert brute - SAMPLED * np.linalg.norm(b[k] - a[k]) <= distance[k] <= brute + 1e-12
     np.testing.assert_allclose(np.linalg.norm(on_segment - on_box, axis=1), distance, atol=1e-12)
     assert distance[25] == 0.0 and np.all(np.abs(on_box) <= half)
+
+
+NUMBERS = st.floats(-2, 2).map(lambda x: round(x, 2))  # rounded: parallel and touching segments are drawn too
+POINTS = st.tuples(NUMBERS, NUMBERS, NUMBERS).map(np.array)
+CLOSE = 1e-6  # of the interior method of bounded least squares, at distances of 1
+
+
+@settings(max_examples=40, deadline=None)
+@given(POINTS, POINTS, POINTS, POINTS)
+def test_segments_against_least_squares_that_know_no_geometry(p1, p2, r1, r2) -> None:
+    # bounded least squares in both shares; a minimiser by differences stops up to 2 % above it
+    fits = [lsq_linear(np.column_stack([p2 - p1, r1 - r2]), r1 - p1, (0, 1), m) for m in ("bvls", "trf")]
+    found = segment_to_segment(p1, p2, r1, r2)[0][0]
+    assert abs(found**2 - min(2 * fit.cost for fit in fits)) < CLOSE
+    assert found == pytest.approx(segment_to_segment(r1, r2, p2, p1)[0][0], abs=1e-7)
+
+
+@settings(max_examples=60, deadline=None)
+@given(POINTS, POINTS, POINTS)
+def test_a_segment_and_a_box_that_may_be_flat(p1, p2, size) -> None:
+    points = p1 + np.linspace(0, 1, 2001)[:, None] * (p2 - p1)
+    brute = np.linalg.norm(np.maximum(np.abs(points) - np.abs(size), 0.0), axis=1).min()
+    found = segment_to_box(p1, p2, np.abs(size))[0][0]
+    # never more than at any point of the segment, and the points are at most 3.5e-3 apart
+    assert found <= brute + 1e-12 and brute - found < 2e-3
+
+
+def test_nan_harms_no_other_row() -> None:
+    p = np.array([[0.0, 0, 2], [np.nan, 0, 0], [0, 0, 3]])
+    q, zero = p + np.array([1.0, 0, 0]), np.zeros((3, 3))
+    np.testing.assert_array_equal(segment_to_box(p, q, np.ones(3))[0], [1.0, np.nan, 2.0])
+    np.testing.assert_array_equal(segment_to_segment(p, q, zero, zero + np.eye(3)[0])[0], [2.0, np.nan, 3.0])
 
 
 def test_distances_known_by_hand() -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 
 import gtmodel as gt
 from gtmodel.geometry.rotations import rotation_of_rpy
@@ -81,6 +82,41 @@ def test_the_least_distance_names_pair_and_row(near) -> None:
     least, every = near.least(postures), near.distances(postures)
     assert least.distance == every.min() and every[least.row].min() == every.min()
     assert near.names[int(np.argmin(every[least.row]))] == least.pair
+
+
+@pytest.mark.parametrize("seed", [46, 47])
+def test_along_a_motion_no_instant_is_nearer_than_the_bound(near, seed) -> None:
+    """Dense samples of the cubics by SciPy; their own error is the way of a link between two of them."""
+    draw = np.random.default_rng(seed)
+    time, samples = np.array([0.0, 0.3, 0.4, 1.0]), 4001
+    q, v = draw.uniform(-1.5, 1.5, (4, 6)), draw.uniform(-3.0, 3.0, (4, 6))
+    least = near.least_along(time, q, v)
+    instants = np.linspace(0.0, 1.0, samples)
+    motion = CubicHermiteSpline(time, q, v)
+    every = near.distances(motion(instants))
+    step = np.abs(np.diff(every, axis=0)).max()
+    assert every.min() - step - 1e-4 <= least.distance <= every.min()
+    there = near.least(motion(least.time))
+    assert (there.distance - 1e-4, there.pair) == (pytest.approx(least.distance, abs=1e-12), least.pair)
+    assert time[least.row] <= least.time <= time[least.row + 1]
+
+
+def test_a_post_between_two_rows_is_met() -> None:
+    """A slide along x and a rod that swings with it: a thin post stands between the only two rows."""
+    slide, turn = (
+        gt.robots.serial_arm(a=[0.0, 0.4], alpha=0.0, joints=joints, **offset)
+        for joints, offset in (("pr", {"theta": [0.0, 0.0]}), ("rr", {}))
+    )
+    rod = LinkCapsule("link_2", [-0.4, 0, 0], [0, 0, 0], 0.01)
+    for arm, q, post in (
+        (turn, [[0.0, 0.0], [1.0, 1.0]], [0.4 * np.cos(0.9), 0.4 * np.sin(0.9), 0.0]),
+        (slide, [[-1.0, 0.0], [1.0, 0.0]], [0.2, 0.0, 0.4]),
+    ):
+        ball = CapsuleObstacle(post, post, 0.01)
+        near = gt.kinematics.link_distances(arm, Clearance(capsules=[rod], obstacles=[ball]))
+        assert near.least(q).distance > 0.1
+        least = near.least_along(np.array([0.0, 1.0]), np.array(q), np.zeros((2, 2)))
+        assert least.distance == pytest.approx(-0.02, abs=1.01e-4) and 0.3 < least.time < 0.7
 
 
 def test_neighbours_and_ignored_pairs_are_not_compared(arm, near) -> None:

@@ -44,6 +44,20 @@ def changed(cls, **parts):
     return type(cls.__name__, (cls,), parts)
 
 
+class Rod(gt.Model):
+    """A rod without a body from the ground to a pin, by two ball joints."""
+
+    ground, pin = gt.part(Ground), gt.part(Revolute)
+    low, high = gt.part(Spherical), gt.part(Spherical)
+    bar, base = (gt.part(FixedTranslation, d=[d, 0.0, 0.0]) for d in (0.5, 0.8))
+    crank = gt.part(FixedTranslation, d=[-0.3, 0.0, 0.0])
+
+    def equations(self):
+        yield gt.connect([self.ground.frame, self.low.b, self.bar.b], [self.low.a, self.bar.a, self.high.a])
+        yield gt.connect([self.ground.frame, self.base.b, self.pin.b], [self.base.a, self.pin.a, self.crank.a])
+        yield gt.connect(self.crank.b, self.high.b)
+
+
 class Triangle(gt.Model):
     """Three bars with three pins: a truss."""
 
@@ -161,6 +175,7 @@ WRONG = {
     "unequal links": (lambda: changed(Bennett, link=unequal())().mobility(), r"gap of 0\.\d+ m .*'joint\[2\]'"),
     "centres apart": (lambda: Apart().mobility(), r"cannot be assembled: a gap of 0.5 m or rad.*'near.second'"),
     "thread without a lead": (lambda: changed(FourBar, pin=gt.part(Screw))().mobility(), "'pin.lead' .* has no value"),
+    "rod between balls without a body": (lambda: Rod().mobility(), "orientation of 'bar', which ball joints alone"),
     "gear of no radius": (lambda: GearPair(radius_1=0.0, radius_2=0.1), "'radius_1' is declared positive"),
 }
 

@@ -133,22 +133,7 @@ def test_equal_to_the_sine_of_the_language(make, opaque, value, slope, expected)
 
 
 def test_a_function_compiled_from_c(tmp_path: Path):
-    """A shared library with derivatives, as another program would deliver it."""
-    chain = find()
-    if isinstance(chain, str):
-        pytest.skip(chain)
-    import subprocess
-
-    x = ca.SX.sym("x")
-    f = ca.Function("lift", [x], [0.02 * ca.sin(x) ** 2])
-    generator = ca.CodeGenerator("lift.c")
-    for g in (f, f.jacobian(), f.jacobian().jacobian()):
-        generator.add(g)
-    generator.generate(f"{tmp_path}/")
-    library = tmp_path / "lift.so"
-    subprocess.run([*chain.cc.split(), "-shared", "-fPIC", "-O1", str(tmp_path / "lift.c"), "-o", str(library), "-lm"],
-                   check=True)  # fmt: skip
-    lift = gt.external(ca.external("lift", str(library)), inputs=["rad"], outputs=["m"])
+    lift = gt.external(library(tmp_path), inputs=["rad"], outputs=["m"])
     assert lift.opaque
 
     class Cam(gt.Model):
@@ -211,21 +196,84 @@ def test_explained():
     assert "h from phi" in model.causal(known="phi", targets="h").explain()
 
 
-def test_c_of_a_function_that_is_written_out(tmp_path: Path):
+def nested() -> ca.Function:
+    """A call within a call, whose second value is not used and whose second argument is zero: null pointers in C."""
+    x, a = ca.SX.sym("x"), ca.SX.sym("a")
+    inner = ca.Function("inner", [x, a], [ca.sin(x) + a * x, ca.exp(x)], {"never_inline": True})
+    z = ca.MX.sym("z")
+    return ca.Function("outer", [z], [inner(z, 0)[0]], {"never_inline": True})
+
+
+def map_of_two() -> ca.Function:
+    """A table of two arguments, at one value of the second."""
+    x, second = np.linspace(-4, 4, 401), np.linspace(0.0, 1.0, 5)
+    both = ca.interpolant("map", "bspline", [x, second], np.tile(np.sin(x), 5))
+    z = ca.MX.sym("z")
+    return ca.Function("cut", [z], [both(ca.vertcat(z, 0.3))])
+
+
+def lines() -> ca.Function:
+    grid = np.linspace(-4, 4, 401)
+    return ca.interpolant("lines", "linear", [grid], np.sin(grid))
+
+
+@pytest.mark.parametrize("make", [written, table, nested, lines, pytest.param(map_of_two, marks=pytest.mark.proof)])
+def test_c_is_python_bit_for_bit(make, tmp_path: Path):
     if isinstance(find(), str):
         pytest.skip("no compiler")
-    model = pendulum(gt.external(written(), ["rad"], ["1"]))()
-    functions = {"torque": model.causal(known="phi", targets="tau"), "angle": model.causal(known="h", targets="phi")}
-    study = gt.cgen.study(functions, tmp_path / "c", name="pendulum")
-    assert study.status.ok, study.message
-
-
-@pytest.mark.parametrize("make", [call, table, Callback])
-def test_no_c_of_a_call(make, tmp_path: Path):
     model = pendulum(gt.external(make(), ["rad"], ["1"]))()
-    with pytest.raises(GenerationError, match=r"external function '.*', whose operations") as error:
+    functions = {"torque": model.causal(known="phi", targets="tau")}
+    if make in (written, table):
+        functions["angle"] = model.causal(known="h", targets="phi")
+    study = gt.cgen.study(functions, tmp_path / "c", name="pendulum", costs=make is map_of_two)
+    assert study.status.ok, study.message
+    if make is map_of_two:  # frames of called functions count: the caller's alone has 304
+        assert study.stack_bytes["gt_pendulum_torque"] > 400
+
+
+def library(folder: Path) -> ca.Function:
+    """A shared library with derivatives, as another program would deliver it."""
+    chain = find()
+    if isinstance(chain, str):
+        pytest.skip(chain)
+    import subprocess
+
+    x = ca.SX.sym("x")
+    f = ca.Function("lift", [x], [0.02 * ca.sin(x) ** 2])
+    generator = ca.CodeGenerator("lift.c")
+    for g in (f, f.jacobian(), f.jacobian().jacobian()):
+        generator.add(g)
+    generator.generate(f"{folder}/")
+    target = folder / "lift.so"
+    subprocess.run([*chain.cc.split(), "-shared", "-fPIC", "-O1", str(folder / "lift.c"), "-o", str(target), "-lm"],
+                   check=True)  # fmt: skip
+    return ca.external("lift", str(target))
+
+
+def inside(_: Path) -> ca.Function:
+    x, sine = ca.MX.sym("x"), Callback()
+    KEPT.append(sine)
+    return ca.Function("inside", [x], [sine(x) + x])
+
+
+KEPT: list[ca.Function] = []  # a callback must live as long as the functions that call it
+
+
+@pytest.mark.parametrize("make", [lambda _: Callback(), inside, library])
+def test_no_c_of_a_callback_or_a_library(make, tmp_path: Path, capfd):
+    function = make(tmp_path)
+    model = pendulum(gt.external(function, ["rad"], ["1"]))()
+    with pytest.raises(GenerationError) as error:
         gt.cgen.generate({"torque": model.causal(known="phi", targets="tau")}, tmp_path / "c", name="p")
-    assert error.value.argument == "functions"
+    assert error.value.argument == "functions" and f"'{function.name()}'" in str(error.value)
+    assert capfd.readouterr().err == ""
+
+
+def test_no_call_in_float(tmp_path: Path):
+    model = pendulum(gt.external(call(), ["rad"], ["1"]))()
+    with pytest.raises(GenerationError) as error:
+        gt.cgen.generate({"torque": model.causal(known="phi", targets="tau")}, tmp_path / "c", name="p", real="float")
+    assert error.value.argument == "real"
 
 
 def test_a_call_beside_a_sign_asks_for_an_equation_of_its_own():

@@ -133,6 +133,9 @@ def test_a_loop_that_stopped_says_why(
     s = study(robot, generated, motion, peer="rsi", seconds=0.8, in_lockstep=True, built=built)
     assert s.status is SolveStatus.CHECK_FAILED and "off_running_at_the_end" in s.message
     assert "the reference alone: stopped, the input lies outside the range where a solution exists" in s.message
+    monkeypatch.undo()
+    s = study(robot, generated, motion, peer="rsi", seconds=0.8, in_lockstep=True, built=built, following=1e-6)
+    assert "stopped, a cart was farther than 1e-06 m from its last command" in s.message
 
 
 @pytest.mark.parametrize("in_lockstep", [True, False])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 
 import gtmodel as gt
 from gtmodel.kinematics import BoxObstacle, CapsuleObstacle, Clearance, LinkCapsule
@@ -89,10 +90,12 @@ def test_links_keep_their_distance_from_an_obstacle_in_the_way() -> None:
     assert free.status.ok and gap(free.trajectory["q"]) < 0.0  # the fastest motion would hit the post
     s = arm_study(PLANAR, START, GOAL, limits=LIMITS, clearance=CLEAR, mesh=AxisMesh(20))
     assert s.status.ok, s.message
-    least = gap(s.trajectory["q"])
-    assert least >= CLEAR.distance - 1e-3 and s.clearance == pytest.approx(least, abs=1e-5)
+    run = s.trajectory
+    dense = np.linspace(0.0, run.time[-1], 3001)  # the gap is of second order there: 1e-6
+    least = gap(CubicHermiteSpline(run.time, run["q"], run["der(q)"])(dense))
+    assert CLEAR.distance <= s.clearance <= least <= s.clearance + 1.1e-4
     assert s.nearest == ("link_2", "obstacles[0]") and s.final_time > free.final_time
-    assert s.clearance < CLEAR.distance + 1e-3  # it passes as near as it may
+    assert least < CLEAR.distance + 1.1e-3  # it passes as near as it may
     assert "link_1-boxes[0]" not in s.constrained and s.pairs == 4
 
 

@@ -250,6 +250,34 @@ def test_messages_count_degrees_of_freedom() -> None:
     assert seven.causal(["T", "R", "q[2]"], "q").inputs[-1].name == "q[2]"
 
 
+RAIL = {name: [first, *UR[name]] for name, first in (("a", 0.0), ("d", 0.0), ("alpha", 0.6))} | {"joints": "prrrrrr"}
+TURNED = dict(a=[0.3, 0.25, 0.0, 0.2, 0.1], alpha=[0.0, np.pi, 0.0, 0.4, 0.2], joints="rrprr", tool_xyz=[0.1, 0, 0.05])
+
+
+@pytest.mark.parametrize(
+    ("given", "joint", "branches"),
+    [(TURNED, 4, ("elbow",)), pytest.param(RAIL, 0, ("shoulder", "elbow", "wrist"), marks=pytest.mark.proof)],
+)
+def test_a_known_joint_at_an_end_leaves_the_closed_form_of_the_others(given, joint, branches) -> None:
+    arm = gt.robots.serial_arm(**given)
+    draw = np.random.default_rng(7)
+    sliding = np.array([kind == "p" for kind in given["joints"]])
+    q = np.where(sliding, draw.uniform(0.1, 0.8, (50, len(sliding))), draw.uniform(-3.0, 3.0, (50, len(sliding))))
+    T, R, _ = arm.causal("q", ["T", "R"])(q)
+    nearest = np.full(len(q), np.inf)
+    for signs in product((-1, 1), repeat=len(branches)):
+        inverse = arm.causal(["T", "R", f"q[{joint}]"], "q", branches=dict(zip(branches, signs, strict=True)))
+        assert not inverse.kernels
+        found, status = inverse(T, R, q[:, joint])
+        good = np.asarray(status) == gt.Status.OK
+        again = arm.causal("q", ["T", "R"])(found[good])
+        np.testing.assert_allclose(again[0], T[good], atol=ROUND_OFF)
+        np.testing.assert_allclose(again[1], R[good], atol=ROUND_OFF)
+        off = np.where(sliding, np.abs(found - q), np.abs((found - q + np.pi) % (2 * np.pi) - np.pi)).max(axis=1)
+        nearest = np.fmin(nearest, np.where(good, off, np.inf))
+    assert nearest.max() < NEAR_SINGULAR
+
+
 def test_kind_of_a_variable_is_checked() -> None:
     with pytest.raises(gt.ModelError, match="kind 'rotation' must have shape"):
         gt.variable(3, kind="rotation")

@@ -8,76 +8,15 @@ from itertools import combinations
 
 import numpy as np
 
+from ...geometry.distances import segment_to_box, segment_to_segment
 from ..mechanism import Array, Poses
 
-
-def between_segments(p1: Array, p2: Array, r1: Array, r2: Array) -> Array:
-    """Return the smallest distance [m] (n,) between segments p1-p2 and r1-r2, each end (n, 3); segments may be points.
-
-    The minimum is either at an end of a segment, or on the common perpendicular if both of its feet are inside the
-    segments.
-    """
-    ends = [_to_segment(p1, r1, r2), _to_segment(p2, r1, r2), _to_segment(r1, p1, p2), _to_segment(r2, p1, p2)]
-    least = np.min(ends, axis=0)
-    d, e, w = p2 - p1, r2 - r1, p1 - r1
-    a, b, c = _dot(d, d), _dot(d, e), _dot(e, e)
-    f, g = _dot(d, w), _dot(e, w)
-    determinant = a * c - b * b
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s, t = (b * g - c * f) / determinant, (a * g - b * f) / determinant
-        inside = (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
-        gap = w + s[:, None] * d - t[:, None] * e
-        # for nearly parallel segments s and t are inaccurate, but the gap still belongs to two points of the segments
-        return np.where(inside, np.minimum(least, np.sqrt(_dot(gap, gap))), least)
-
-
-def segment_to_box(p1: Array, p2: Array, low: Array, high: Array) -> Array:
-    """Return the smallest distance [m] (n,) between segments p1-p2 (n, 3) and an axis-aligned box; 0 if they intersect.
-
-    The squared distance along the segment is convex and piecewise quadratic, with breakpoints where the segment crosses
-    the face planes of the box. The minimum within a piece is exact.
-    """
-    d = p2 - p1
-    with np.errstate(divide="ignore", invalid="ignore"):
-        cuts = np.concatenate([(low - p1) / d, (high - p1) / d], axis=1)
-    cuts = np.where(np.isfinite(cuts), np.clip(cuts, 0.0, 1.0), 0.0)
-    n = len(p1)
-    t = np.sort(np.concatenate([np.zeros((n, 1)), cuts, np.ones((n, 1))], axis=1), axis=1)
-    slope = np.einsum("nki,ni->nk", _outside(p1[:, None] + t[..., None] * d[:, None], low, high), d)
-    # the derivative is increasing and piecewise linear: its root is in the interval with the sign change
-    k = np.clip((slope < 0).sum(axis=1), 1, t.shape[1] - 1)
-    row = np.arange(n)
-    t0, t1, s0, s1 = t[row, k - 1], t[row, k], slope[row, k - 1], slope[row, k]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        root = np.where(s1 > s0, t0 - s0 * (t1 - t0) / (s1 - s0), t0)
-    best = np.clip(np.where(slope[:, 0] >= 0, 0.0, root), 0.0, 1.0)
-    gap = _outside(p1 + best[:, None] * d, low, high)
-    return np.where(np.isfinite(p1 + p2).all(axis=1), np.sqrt(_dot(gap, gap)), np.nan)
-
-
-def _outside(p: Array, low: Array, high: Array) -> Array:
-    """Return the vector from the nearest point of the box to p; zero inside."""
-    return np.minimum(p - low, 0.0) + np.maximum(p - high, 0.0)
-
-
-def _to_segment(p: Array, r1: Array, r2: Array) -> Array:
-    e, w = r2 - r1, p - r1
-    length = _dot(e, e)
-    t = np.clip(np.divide(_dot(w, e), length, out=np.zeros_like(length), where=length > 0), 0.0, 1.0)
-    gap = w - t[:, None] * e
-    return np.sqrt(_dot(gap, gap))
-
-
-def _dot(x: Array, y: Array) -> Array:
-    return np.einsum("ni,ni->n", x, y)
-
-
-# bodies without radius that touch have this negative clearance [m]
+# bodies without radius that are nearer touch and have this negative clearance [m]
 TOUCHING = 1e-9
 
 
 def _clear(distance: Array, radii: float) -> Array:
-    return np.where(distance > 0, distance, -TOUCHING) - radii
+    return np.where(distance > TOUCHING, distance, -TOUCHING) - radii
 
 
 @dataclass(frozen=True)
@@ -112,9 +51,11 @@ class Obstacles:
     def margins(self, poses: Poses) -> Array:
         columns = []
         for low, high in zip(np.asarray(self.low, float), np.asarray(self.high, float), strict=True):
+            center, half = (low + high) / 2, (high - low) / 2
             for i, radius in enumerate(self.link_radius):
-                columns.append(_clear(segment_to_box(poses.a[:, i], poses.b[:, i], low, high), radius))
-            columns.append(_clear(segment_to_box(poses.T, poses.T, low, high), self.plate_radius))
+                gap = segment_to_box(poses.a[:, i] - center, poses.b[:, i] - center, half)[0]
+                columns.append(_clear(gap, radius))
+            columns.append(_clear(segment_to_box(poses.T - center, poses.T - center, half)[0], self.plate_radius))
         return np.stack(columns, axis=1)
 
 
@@ -147,7 +88,7 @@ class LinkClearance:
 
     def margins(self, poses: Poses) -> Array:
         a, b, r = poses.a, poses.b, self.radius
-        gaps = [(between_segments(a[:, i], b[:, i], a[:, j], b[:, j]), r[i] + r[j]) for i, j in self.chosen]
+        gaps = [(segment_to_segment(a[:, i], b[:, i], a[:, j], b[:, j])[0], r[i] + r[j]) for i, j in self.chosen]
         return np.stack([_clear(*gap) for gap in gaps], axis=1)
 
 
@@ -183,6 +124,6 @@ class FrameClearance:
         columns = []
         for i, k in self.chosen:
             first, last = (np.broadcast_to(p, poses.T.shape) for p in np.asarray(self.ends, float)[k])
-            gap = between_segments(poses.a[:, i], poses.b[:, i], first, last)
+            gap = segment_to_segment(poses.a[:, i], poses.b[:, i], first, last)[0]
             columns.append(_clear(gap, self.link_radius[i] + self.beam_radius[k]))
         return np.stack(columns, axis=1)

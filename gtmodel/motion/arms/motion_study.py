@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Unpack, cast
 
@@ -11,16 +11,17 @@ import numpy as np
 
 from ...compiler.causal import compile_causal
 from ...kinematics.clearance import Clearance
+from ...kinematics.clearance.distances import RESOLUTION_M
 from ...lang import Model
 from ...optimize import Mesh as CollocationMesh, Phases, Solution, SolverOptions, solve, solve_phases
 from ...optimize.judgement.resimulate import Resimulation, resimulate
 from ...results import Check, SolveStatus, Trajectory, Work, at_least, at_most
-from ...results.check import failed_of
 from ...results.interpolation import CubicHermite
 from ...results.trajectory_files import TRAJECTORY, csv_bytes
 from ...results.work import WorkOptions, study_function
 from ..axes.options import AxisCost, AxisMesh
-from ..finer_mesh import finer_mesh, refined, refinement_note
+from ..finer_mesh import FINER, PEAK_SHARE, OnMesh, study_on_meshes
+from ..motion_result import short_names
 from ..options import Solver
 from ..reference import grid
 from .options import ArmLimits, ArmPose, ArmStudy, Waypoint
@@ -29,27 +30,18 @@ from .task import AHEAD_M, ArmTask, task_of
 Array = np.ndarray
 LITTLE_EFFORT = AxisCost(energy=0.05)  # without it many motions are equally fast
 ROUNDS = 5  # of adding pairs that came too near
-# bounds act at collocation points; efforts and speeds exceed them in between by less than this
-PEAK_SHARE = 1.01
 MISSED = 1e-3  # rad and m, of the re-simulated motion, whose input is not fed back
-SHORT_M = 1e-3  # by which distances may fall short between collocation points
-FINER = "use more mesh.elements"
 MENDED = ("peak_speed", "peak_effort", "missed", "clearance_short")
 NAMES = ("q", "der(q)", "der(q,2)", "tau", "T")
 
 
 @dataclass(frozen=True)
-class ArmOutcome:
-    """The result on one mesh, with the solutions and runs of the segments and the pairs that were constraints."""
+class Segments:
+    """The solutions of the segments, the pairs that were constraints, and the iterations so far."""
 
-    mesh: AxisMesh
     solutions: list[Solution]
     active: list[int]
-    study: ArmStudy
-
-    @property
-    def checks(self) -> dict[str, Check]:
-        return dict(self.study.checks)
+    spent: int
 
 
 def optimised(
@@ -73,40 +65,45 @@ def optimised(
 
 
 def on_this_mesh(
-    task: ArmTask, mesh: AxisMesh, before: ArmOutcome | None, solver: Solver, work: Work, title: str, spent: int
-) -> ArmOutcome:
+    task: ArmTask, solver: Solver, work: Work, mesh: AxisMesh, before: OnMesh | None
+) -> OnMesh:  # fmt: skip
     """Optimise on a mesh, adding pairs that come too near, and evaluate the result."""
-    guess = task.guess() if before is None else _with_planes(task, before.solutions)
-    active = before.active if before is not None else _ahead(task, guess)
-    solutions: list[Solution] = []
+    if before is None:
+        guess = task.guess()
+        active, begun = _ahead(task, guess), 0
+    else:
+        guess, active, begun = _with_planes(task, before.kept.solutions), before.kept.active, before.kept.spent
+    solutions, spent = list[Solution](), begun
     for _ in range(ROUNDS):
         solutions = optimised(task, active, mesh, guess, solver, work, spent)
         spent += solutions[0].iterations
-        if not solutions[0].status.converged or task.near is None or task.clearance is None:
+        if not solutions[0].status.converged or task.near is None:
             break
-        distances = np.vstack([task.near.distances(s.trajectory["arm.q"]) for s in solutions])
-        near = np.flatnonzero(distances.min(axis=0, initial=np.inf) < task.clearance.distance - SHORT_M / 2)
+        distances = np.vstack([task.near.distances(s.trajectory["robot.q"]) for s in solutions])
+        near = np.flatnonzero(distances.min(axis=0, initial=np.inf) < task.required)
         added = sorted(set(near.tolist()) - set(active))
         if not added or work.interrupted():
             break
         active, guess = sorted({*active, *added}), _with_planes(task, solutions)
-    study = _evaluated(task, mesh, solutions, active, title)
-    return ArmOutcome(mesh, solutions, active, study.with_(iterations=spent))
+    study = _evaluated(task, mesh, solutions, active, work.title)
+    return OnMesh(mesh, study.with_(iterations=spent - begun), Segments(solutions, active, spent))
 
 
 def _ahead(task: ArmTask, guess: Sequence[Trajectory]) -> list[int]:
     """Return the pairs that come near along a guess."""
     if task.near is None or task.clearance is None:
         return []
-    distances = np.vstack([task.near.distances(run["arm.q"]) for run in guess])
+    distances = np.vstack([task.near.distances(run["robot.q"]) for run in guess])
     return np.flatnonzero(distances.min(axis=0, initial=np.inf) < task.clearance.distance + AHEAD_M).tolist()
 
 
 def _with_planes(task: ArmTask, solutions: Sequence[Solution]) -> list[Trajectory]:
     """Return the motions of solutions as guesses, with planes between all pairs."""
     runs = [s.trajectory for s in solutions]
-    kept = ("arm.q", "der(arm.q)", "der(arm.q,2)")
-    return [Trajectory(run.time, {n: run[n] for n in kept if n in run} | task.planes(run["arm.q"]), {}) for run in runs]
+    kept = ("robot.q", "der(robot.q)", "der(robot.q,2)")
+    return [
+        Trajectory(run.time, {n: run[n] for n in kept if n in run} | task.planes(run["robot.q"]), {}) for run in runs
+    ]
 
 
 def _evaluated(
@@ -143,13 +140,14 @@ def _evaluated(
         "missed": at_most(missed, MISSED, f"the re-simulated motion misses a pose: {FINER}"),
     }
     distances: dict[str, Any] = {}
-    if task.near is not None and task.clearance is not None and (least := task.near.least(q)) is not None:
+    least = None if task.near is None else task.near.least_along(run.time, q, run["der(q)"])
+    if task.near is not None and task.clearance is not None and least is not None:
         distances = {
-            "clearance": least.distance, "nearest": least.pair, "nearest_time": float(run.time[least.row]),
+            "clearance": least.distance, "nearest": least.pair, "nearest_time": least.time,
             "pairs": len(task.near.pairs), "constrained": ["-".join(task.near.names[p]) for p in active],
         }  # fmt: skip
         short = max(0.0, task.clearance.distance - least.distance)
-        checks["clearance_short"] = at_most(short, SHORT_M, f"{least} at {run.time[least.row]:.4g} s: {FINER}")
+        checks["clearance_short"] = at_most(short, RESOLUTION_M, f"{least} at {least.time:.4g} s: {FINER}")
     if failed:
         checks["resimulated"] = at_least(0.0, 1.0, failed)
     return ArmStudy(
@@ -175,14 +173,11 @@ def _evaluated(
 
 def _joined(runs: Sequence[Trajectory], title: str) -> Trajectory:
     """Return the motions of all segments as one, with one row where two meet: that of the earlier one."""
-    parts = [slice(0 if k == 0 else 1, None) for k in range(len(runs))]
-    values = {
-        name: np.concatenate([run[name.replace("q", "arm.q") if "q" in name else f"arm.{name}"][rows]
-                              for run, rows in zip(runs, parts, strict=True)])
-        for name in NAMES
-    }  # fmt: skip
-    time = np.concatenate([run.time[rows] for run, rows in zip(runs, parts, strict=True)])
-    return Trajectory(time, values, {"T": "m"}, title=title)
+    parts = [short_names(run, title) for run in runs]
+    rows = [slice(0 if k == 0 else 1, None) for k in range(len(parts))]
+    values = {name: np.concatenate([part[name][new] for part, new in zip(parts, rows, strict=True)]) for name in NAMES}
+    time = np.concatenate([part.time[new] for part, new in zip(parts, rows, strict=True)])
+    return Trajectory(time, values, {name: parts[0].unit(name) for name in NAMES}, title=title)
 
 
 REFERENCE, SAMPLE_S = "reference.csv", 0.004  # of a controller
@@ -198,11 +193,8 @@ def reference_csv(task: ArmTask, run: Trajectory) -> bytes:
         "q": CubicHermite(run.time, q, v)(at), "der(q)": CubicHermite(run.time, v, a)(at),
         "der(q,2)": np.stack([np.interp(at, run.time, column) for column in a.T], axis=1),
     }  # fmt: skip
-    T = compile_causal(task.robot, known="q", targets="T")(rows["q"])[0]
-    units = {"q": "rad", "der(q)": "rad/s", "der(q,2)": "rad/s2"}
-    if any(joint.kind == "prismatic" for joint in task.robot.structure.joints):
-        units = {}
-    return csv_bytes(Trajectory(times, rows | {"T": T}, units | {"T": "m"}, title=run.title))
+    rows["T"] = compile_causal(task.robot, known="q", targets="T")(rows["q"])[0]
+    return csv_bytes(Trajectory(times, rows, {name: run.unit(name) for name in rows}, title=run.title))
 
 
 def _figure(task: ArmTask, run: Trajectory, places: list[int]) -> Any:
@@ -275,18 +267,5 @@ def arm_study(
     work.step("equations")
     task = task_of(robot, start, goal, waypoints, limits or ArmLimits(), cost or LITTLE_EFFORT, clearance)
     work.step("transcribing")
-    first = on_this_mesh(task, mesh, None, solver, work, work.title, 0)
-
-    def finer(outcome: ArmOutcome) -> AxisMesh | None:
-        return finer_mesh(outcome.mesh, outcome.checks, MENDED) if outcome.study.status.converged else None
-
-    def again(before: ArmOutcome, on: AxisMesh) -> ArmOutcome | str:
-        after = on_this_mesh(task, on, before, solver, work, work.title, before.study.iterations or 0)
-        return after if after.study.status.converged else f"on {on.elements} elements: {after.study.message}"
-
-    outcome, trouble = refined(first, finer, again, work.interrupted)
-    study, message = outcome.study, outcome.study.message
-    if outcome is not first:
-        message += refinement_note(mesh.elements, outcome.mesh.elements, failed_of(first.checks))
-    notes = [*task.robot.structure.notes, *study.notes]
-    return replace(study, message="; ".join(filter(None, [message, trouble])), notes=notes)
+    study = study_on_meshes(partial(on_this_mesh, task, solver, work), mesh, MENDED, work.interrupted)
+    return study.with_(notes=[*task.robot.structure.notes, *study.notes])

@@ -74,7 +74,10 @@ Array = np.ndarray
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ArmStudy(Study):
-    """An optimal motion of a serial arm through waypoints, re-simulated, with the smallest distances of its links."""
+    """An optimal motion of a serial arm through waypoints, re-simulated, with the smallest distances of its links.
+
+    refined: whether the mesh was refined.
+    """
 
     final_time: Annotated[float | None, Quantity("s", "final time of the optimum", "final time")] = None
     passed: Annotated[Array | None, Quantity("s", "times of the waypoints")] = None
@@ -88,12 +91,14 @@ class ArmStudy(Study):
         float | None, "largest difference of re-simulated and collocated states at an element edge, in nominals"
     ] = None
     clearance: Annotated[
-        float | None, Quantity("m", "smallest distance of two links, or of a link from an obstacle")
+        float | None,
+        Quantity("m", "lower bound of all distances of two links, or of a link from an obstacle, at every instant"),
     ] = None
     nearest: Annotated[Sequence[str], "the two bodies at this distance"] = ()
     nearest_time: Annotated[float | None, Quantity("s", "time of this distance")] = None
     pairs: Annotated[int | None, "number of pairs whose distance is checked"] = None
     constrained: Annotated[Sequence[str], "pairs whose distance is a constraint of the optimisation"] = ()
+    refined: bool = False
 
     @property
     def rows(self) -> list[Row]:
@@ -115,6 +120,8 @@ class ArmStudy(Study):
                 Row("pairs checked", self.pairs),
                 Row("pairs in the optimisation", ", ".join(self.constrained) or "none"),
             ]
+        if self.refined:
+            rows.append(Row("mesh elements after refinement", self.elements))
         return rows
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ Array = np.ndarray
 GUESS_ROWS = 61
 SLOWER = 1.5  # guess of the time, relative to the shortest by the limits of speed
 TURN_RATE = 1.0  # rad/s, m/s: speed of the guess if a joint has no limit
+SPARE_M = 1e-3  # more than the required distance at collocation points, for the motion between them
 AHEAD_M = 0.1  # pairs nearer than this along the guess are constraints from the start
 
 
@@ -92,6 +94,13 @@ class ArmTask:
         own = self.limits.joint_effort
         return self.limits.effort * np.asarray(self.robot.effort_limits if own is None else own)
 
+    @cached_property
+    def required(self) -> Array:
+        """Distances (pairs,) [m] to keep at collocation points: those required, with a spare if all poses have it."""
+        assert self.near is not None and self.clearance is not None
+        room = self.near.distances(np.array([pose.q for pose in self.poses])).min(axis=0) - self.clearance.distance
+        return self.clearance.distance + np.clip(room, 0.0, SPARE_M)
+
     def guess(self) -> list[Trajectory]:
         """Return a smooth motion from pose to pose for each segment, at rest at each, with planes between the pairs."""
         runs, begin = [], 0.0
@@ -103,7 +112,8 @@ class ArmTask:
             time = max(SLOWER * 1.875 * float(np.max(np.abs(step) / speed)), 2 * SHORTEST_TIME_S)
             q = a.q + shape[:, None] * step
             values = {
-                "arm.q": q, "der(arm.q)": rate[:, None] * step / time, "der(arm.q,2)": bend[:, None] * step / time**2,
+                "robot.q": q, "der(robot.q)": rate[:, None] * step / time,
+                "der(robot.q,2)": bend[:, None] * step / time**2,
             }  # fmt: skip
             runs.append(Trajectory(begin + time * s, values | self.planes(q), {}))
             begin += time
@@ -132,23 +142,23 @@ class ArmTask:
         bounded = [i for i, (low, high) in enumerate(_limits(self.robot)) if np.isfinite([low, high]).any()]
 
         class Segment(gt.Optimization):
-            arm: Any
+            robot: Any
             metre: Any
 
             def objective(self) -> Any:
                 total = task.cost.time * (self.final_time - self.start_time)
                 if task.cost.energy:
-                    shares = [self.arm.tau[i] / self.largest[i] for i in range(len(task.effort))]
+                    shares = [self.robot.tau[i] / self.largest[i] for i in range(len(task.effort))]
                     total = total + task.cost.energy * gt.integral(sum((x**2 for x in shares[1:]), shares[0] ** 2))
                 return total
 
             def constraints(self) -> Any:
-                q, tau = self.arm.q, self.arm.tau
+                q, tau = self.robot.q, self.robot.tau
                 if not first:
                     yield self.final_time - self.start_time >= SHORTEST_TIME_S
                 else:
-                    yield from task.poses[0].rows(self.arm, self.start_time)
-                yield from last.rows(self.arm, self.final_time)
+                    yield from task.poses[0].rows(self.robot, self.start_time)
+                yield from last.rows(self.robot, self.final_time)
                 for i in range(len(task.effort)):
                     if np.isfinite(task.effort[i]):
                         yield gt.between(-self.largest[i], tau[i], self.largest[i])
@@ -163,11 +173,11 @@ class ArmTask:
                 yield from self.apart()
 
             def apart(self) -> Any:
-                if near is None or task.clearance is None:
+                if near is None:
                     return
                 for p in active:
                     a, b = (near.bodies[i] for i in near.pairs[p])
-                    least, points = task.clearance.distance + a.radius, placed(self, near, near.pairs[p][0])
+                    least, points = float(task.required[p]) + a.radius, placed(self, near, near.pairs[p][0])
                     if b.normal is not None:
                         for point in points:
                             yield gt.dot(point - b.points[0] * self.metre, b.normal) >= least
@@ -180,7 +190,7 @@ class ArmTask:
                         yield gt.dot(n, point) - c <= -b.radius
 
         declared: dict[str, Any] = {
-            "arm": gt.part(self.robot), "metre": gt.parameter(1.0, unit="m"),
+            "robot": gt.part(self.robot), "metre": gt.parameter(1.0, unit="m"),
             "largest": gt.parameter(np.where(np.isfinite(self.effort), self.effort, 1.0)),
             "final_time": gt.free(float(guess.time[-1]), min=SHORTEST_TIME_S, unit="s"),
         }  # fmt: skip
@@ -201,7 +211,7 @@ def placed(model: Any, near: LinkDistances, body: int) -> list[Any]:
     if b.frame == 0:
         R, r = near.frames(np.zeros(len(near.robot.structure.leaders)))
         return [(R[0, 0] @ p + r[0, 0]) * model.metre for p in b.points]
-    frame = model.arm.links[b.frame - 1].after
+    frame = model.robot.links[b.frame - 1].after
     return [frame.r + frame.R @ p * model.metre for p in b.points]
 
 

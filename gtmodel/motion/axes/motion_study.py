@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any, Literal, Unpack
@@ -15,14 +15,13 @@ from ...geometry.quaternions import angle_between
 from ...lang import Model
 from ...optimize import Mesh as CollocationMesh, Solution, SolverOptions, solve as collocate
 from ...optimize.judgement.resimulate import SUBSTEPS, resimulate
-from ...results import Check, SolveStatus, Status, Trajectory, Work, at_most
-from ...results.check import failed_of
+from ...results import SolveStatus, Status, Trajectory, Work, at_most
 from ...results.quantity import converted
 from ...results.trajectory_files import TRAJECTORY
 from ...results.work import WorkOptions, study_function
 from ..constraints import MARGIN_TOLERANCE, clearances
-from ..finer_mesh import finer_mesh, how, refined, refinement_note
-from ..motion_result import SATURATED, at_points
+from ..finer_mesh import FINER, PEAK_SHARE, OnMesh, how, study_on_meshes
+from ..motion_result import SATURATED, energy_of
 from ..options import AxisLimits, Shape
 from ..path_parametrization import FollowedBranch
 from .options import AxisCost, AxisEnd, AxisMesh, AxisSolver, AxisStudy, ToolCourse
@@ -108,41 +107,25 @@ MENDED = ("peak_share", "end_error_m", "end_error_deg", "excess", "cross_check_d
 CROSS_CHECK_TOLERANCE = (
     0.02  # relative, of the final time along a path: accelerations linear on 20 elements cannot jump
 )
-# forces are bounded at collocation points only; between the points they exceed their limit by less than this
-PEAK_SHARE = 1.01
 # the published accuracy of the F1 is a quarter of a millimetre
 END_ERROR_M = 2.5e-4
-FINER = "use more mesh.elements"
 END_ERROR_DEG = 0.05
 POSE_APART_M = 1e-6  # Newton and collocation solve the same equations
 PATH_M = 1e-6  # rounding of the same equations
 
 
-@dataclass(frozen=True)
-class AxisOutcome:
-    """The result on one mesh."""
-
-    mesh: AxisMesh
-    solution: Solution
-    study: AxisStudy
-
-    @property
-    def checks(self) -> Mapping[str, Check]:
-        return self.study.checks
-
-
-def on_this_mesh(plan: AxisPlan, mesh: AxisMesh, guess: Solution | None, work: Work) -> AxisOutcome:
+def on_this_mesh(plan: AxisPlan, work: Work, mesh: AxisMesh, before: OnMesh | None) -> OnMesh:
     """Optimise on a mesh and evaluate the result."""
     solution = collocate(
         plan.optimization,
         CollocationMesh(mesh.elements, mesh.points, control=mesh.control),
-        guess=guess or plan.guess(),
+        guess=plan.guess() if before is None else before.kept,
         # the study judges the motion by its re-simulation
         solver=SolverOptions(**asdict(plan.problem.solver), max_seconds=work.seconds_left(), error_bound=None),
         progress=work.iterations("optimising"),
         throw=False,
     )
-    return AxisOutcome(mesh, solution, _judged(plan, mesh, solution, work))
+    return OnMesh(mesh, _judged(plan, mesh, solution, work), solution)
 
 
 def _judged(plan: AxisPlan, mesh: AxisMesh, solution: Solution, work: Work) -> AxisStudy:
@@ -201,12 +184,6 @@ def _placed(plan: AxisPlan, run: Trajectory) -> tuple[Trajectory | None, float]:
     return trajectory.with_values({"T": T, "e": e, "tau": tau}), float(np.max(distance))
 
 
-def _energy(plan: AxisPlan, solution: Solution) -> float:
-    """Return the energy [s] by collocation quadrature."""
-    tau, weights = at_points(solution)
-    return float(weights @ np.sum((tau / plan.motors) ** 2, axis=1))
-
-
 def _evaluated(
     plan: AxisPlan, mesh: AxisMesh, solution: Solution, trajectory: Trajectory, pose_apart: float, defect: float,
     work: Work,
@@ -255,7 +232,7 @@ def _evaluated(
         checks=checks | {n: at_most(x, bound, trouble) for n, (x, bound) in bounds.items()},
         final_time=solution.final_time,
         elements=mesh.elements,
-        energy=_energy(plan, solution),
+        energy=energy_of(solution, plan.motors),
         saturation=np.mean(share[1:] >= SATURATED, axis=0).tolist(),  # rows are equally spaced
         peak_share=peaks,
         tcp=np.array([T0, T1]),
@@ -355,22 +332,4 @@ def axis_study(
     work.step("equations")
     plan = plan_of(problem)
     work.step("transcribing")
-    first = on_this_mesh(plan, problem.mesh, None, work)
-    iterations = first.study.iterations or 0
-
-    def finer(outcome: AxisOutcome) -> AxisMesh | None:
-        return finer_mesh(outcome.mesh, outcome.checks, MENDED) if outcome.study.status.converged else None
-
-    def again(before: AxisOutcome, mesh: AxisMesh) -> AxisOutcome | str:
-        nonlocal iterations
-        after = on_this_mesh(plan, mesh, before.solution, work)
-        iterations += after.study.iterations or 0
-        return after if after.study.status.converged else f"on {mesh.elements} elements: {after.study.message}"
-
-    outcome, trouble = refined(first, finer, again, work.interrupted)
-    study, message = outcome.study, outcome.study.message
-    if outcome is not first:
-        end = "" if study.status.ok else ";"
-        message += end + refinement_note(problem.mesh.elements, outcome.mesh.elements, failed_of(first.checks))
-    message = "; ".join(filter(None, [message, trouble]))
-    return study.with_(iterations=iterations, message=message, refined=outcome is not first)
+    return study_on_meshes(partial(on_this_mesh, plan, work), problem.mesh, MENDED, work.interrupted)

@@ -10,11 +10,10 @@ import numpy as np
 
 from ...lang import Model
 from ...results import SolveStatus, Work
-from ...results.check import failed_of
 from ...results.options import Long, Within
 from ...results.trajectory_files import TRAJECTORY
 from ...results.work import WorkOptions, study_function
-from ..finer_mesh import finer_mesh, refined, refinement_note
+from ..finer_mesh import OnMesh, study_on_meshes
 from .options import ElasticCost, ElasticMesh, ElasticSolver, ElasticStudy, ElasticTool
 from .plans import MENDED, ElasticTask, Plans, PlansFailure, PlateMotion, plans_on, swing, too_coarse
 
@@ -58,40 +57,34 @@ def elastic_study(
     True
     """
     work = Work(**work_options)
-    mesh = mesh or ElasticMesh()
     task = ElasticTask(
         robot=robot, start=start, goal=goal, tool=tool, force=force, cost=cost or ElasticCost(),
         solver=solver or ElasticSolver(),
     )  # fmt: skip
     work.step("rigid plan")
-    first = plans_on(mesh, task, None, work)
-    if isinstance(first, PlansFailure):
-        return ElasticStudy(status=first.status, message=first.message, title=work.title, iterations=first.iterations)
-    iterations = first.iterations
 
-    def again(before: Plans, mesh: ElasticMesh) -> Plans | str:
-        nonlocal iterations
-        after = plans_on(mesh, task, before, work)
-        iterations += after.iterations
-        return f"on {mesh.elements} elements: {after.message}" if isinstance(after, PlansFailure) else after
+    def solved(mesh: ElasticMesh, before: OnMesh | None) -> OnMesh:
+        plans = plans_on(mesh, task, before and before.kept, work)
+        return OnMesh(mesh, _study_of(plans, work.title), plans)
 
-    plans, trouble = refined(first, lambda p: finer_mesh(p.mesh, p.checks, MENDED), again, work.interrupted)
-    mended = refinement_note(mesh.elements, plans.mesh.elements, failed_of(first.checks))
-    return _study_of(plans, iterations, mended.strip(), trouble, work.title)
+    return study_on_meshes(solved, mesh or ElasticMesh(), MENDED, work.interrupted)
 
 
-def _study_of(outcome: Plans, iterations: int, mended: str, trouble: str, title: str) -> ElasticStudy:
-    """mended: sentence on a refined mesh. trouble: why refinement ended early."""
+def _study_of(outcome: Plans | PlansFailure, title: str) -> ElasticStudy:
+    if isinstance(outcome, PlansFailure):
+        return ElasticStudy(
+            status=outcome.status, message=outcome.message, title=title, iterations=outcome.iterations
+        )  # fmt: skip
     task, elastic, tool = outcome.task, outcome.elastic, outcome.task.tool
     ends = "; ".join(f"{n} {t['final_time_s']:.4g} s, {t['residual_mm']:.3g} mm" for n, t in outcome.table.items())
     plans = (("rigid", outcome.rigid), ("elastic", elastic))
     open_ends = [f"{name} plan: {plan.reservation}" for name, plan in plans if plan.reservation]
-    study = ElasticStudy(
+    return ElasticStudy(
         status=SolveStatus.SOLVED,
-        message=ends,
+        message="; ".join([ends, *open_ends]),
         title=title,
         objective=elastic.objective,
-        iterations=iterations,
+        iterations=outcome.iterations,
         checks=outcome.checks,
         motions=outcome.table,
         frequency=tool.frequency,
@@ -100,12 +93,10 @@ def _study_of(outcome: Plans, iterations: int, mended: str, trouble: str, title:
         resimulated_end=outcome.left,
         force=task.force,
         notes=too_coarse(tool, outcome.mesh, elastic.final_time),
-        refined=bool(mended),
         trajectory=elastic.trajectory,
         machine_files=(TRAJECTORY,),
         figures={"swing": partial(_figure, outcome.motions, tool, title)},
     )
-    return study.with_(message="; ".join(filter(None, [study.message, mended, trouble, *open_ends])))
 
 
 def _figure(motions: list[PlateMotion], tool: ElasticTool, title: str) -> Any:
