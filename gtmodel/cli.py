@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -219,6 +220,9 @@ def solve(
     ] = None,
     as_json: Json = False,
     plot: Annotated[bool, typer.Option("--plot", help="Draw pictures; into ./NAME-result without --out.")] = False,
+    report: Annotated[
+        bool, typer.Option("--report", help="Write report.html, one page to send; into ./NAME-result without --out.")
+    ] = False,
     max_seconds: Annotated[
         float | None, typer.Option(metavar="S", help="Time limit; the best iterate is kept.")
     ] = None,
@@ -240,9 +244,10 @@ def solve(
     with answering(context, as_json, problem) as answer:
         loaded = _load(problem, settings, answer)
         job = run.context_of(loaded, max_seconds=max_seconds, start=start)
-        folder = out or (Path(f"{job.name}-result") if plot else None)
+        folder = out or (Path(f"{job.name}-result") if plot or report else None)
+        page = partial(_asked, loaded, job, ["--write-failed"] * write_failed) if report else None
         with terminal.watching(job, quiet=quiet), _crew.crew_of(workers, cluster) as crew:
-            answer.finished = run.solve(loaded, job, out=folder, plot=plot, write_failed=write_failed)
+            answer.finished = run.solve(loaded, job, out=folder, plot=plot, write_failed=write_failed, asked=page)
         if (workers or cluster) and not crew.used:
             print(f"{problem}: this problem has no independent rows; the workers were not used", file=sys.stderr)
         if plot and not answer.finished.outcome.figures:
@@ -429,6 +434,12 @@ def loop(
                 law=law, plant_timeout=plant_timeout, in_lockstep=lockstep, elastic=elastic, deceleration=deceleration,
                 **({} if following is None else {"following": following}),
             )  # fmt: skip
+
+
+def _asked(loaded: Any, job: Any, options: list[str]) -> Any:
+    from gtmodel._report import asked
+
+    return asked(loaded, job, options)
 
 
 def _editor_schema(kind: str | None, as_json: bool) -> str:

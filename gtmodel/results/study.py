@@ -22,6 +22,8 @@ _OWN = frozenset(s.message for s in SolveStatus)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from .page.page import Sections
 else:
     Figure = hint("matplotlib.figure", "Figure")
 
@@ -62,6 +64,8 @@ class Study(Portable):
 
     done: ClassVar[str] = SolveStatus.SOLVED.value
     """Word for the status SOLVED in the table; a study that solves nothing has another one."""
+    captions: ClassVar[Mapping[str, str]] = {}
+    """Captions of pictures in the report, by their name; the others are called by their name."""
 
     status: SolveStatus
     message: str = ""
@@ -101,6 +105,11 @@ class Study(Portable):
         labelled = ((q, getattr(self, attribute)) for attribute, q in self.quantities().items() if q.label)
         return [q.row(value) for q, value in labelled if value is not None]
 
+    @property
+    def sections(self) -> Sections:
+        """Further parts of the report by heading: sentences, lists and tables."""
+        return {}
+
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
         """Return the confidence interval of an estimated quantity [SI], infinite if the data do not determine it.
         Raises ArgumentError if it was not estimated."""
@@ -129,8 +138,12 @@ class Study(Portable):
             raise ArgumentError(f"there is no picture '{name}'; there are {names}", "name")
         return self.figures[name or next(iter(self.figures))]()
 
-    def write(self, folder: str | Path, *, plot: bool = False, write_failed: bool = False) -> list[Path]:
-        """Write result.json, the files and, with `plot`, the pictures into a folder, and return the paths.
+    def write(
+        self, folder: str | Path, *, plot: bool = False, report: bool = False, write_failed: bool = False
+    ) -> list[Path]:
+        """Write result.json and the files into a folder, and return the paths.
+
+        plot: write the pictures too. report: write report.html too, one page with all pictures, to be sent to others.
 
         Files for a machine are written only if the result may be used or, with `write_failed`, with a mark. Raises
         ArgumentError for a folder with files that gtmodel did not write.
@@ -139,7 +152,7 @@ class Study(Portable):
 
         if not isinstance(folder, (str, Path)):
             raise ArgumentError(f"expected the name of a folder; found {type(folder).__name__}", "folder")
-        return write(self, Path(folder), plot=plot, write_failed=write_failed)
+        return write(self, Path(folder), plot=plot, report=report, write_failed=write_failed)
 
     def __str__(self) -> str:
         from .table import text  # here, as below: a schema needs neither tables nor files

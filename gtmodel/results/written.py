@@ -20,7 +20,7 @@ import tomli_w
 
 from .._version import __version__
 from .as_json import result
-from .disk import MadeFiles, marked
+from .disk import marked
 from .folder import FolderError, Held, holding, others, refuse_impossible, unfinished
 from .read_bounds import toml_of
 from .refusal import ArgumentError
@@ -92,13 +92,14 @@ def _written(folder: Path) -> dict[str, str] | None:
     return {name: str(digest) for name, digest in files.items() if name == Path(name).name}
 
 
-def write(study: Study, folder: Path, *, plot: bool, write_failed: bool) -> list[Path]:
-    """Write a study into a folder: result.json, its files, pictures with `plot`, and run.toml. Raises ArgumentError."""
+def write(study: Study, folder: Path, *, plot: bool, report: bool, write_failed: bool) -> list[Path]:
+    """Write a study into a folder: result.json, its files, pictures with `plot`, the page with `report`, and run.toml.
+    Raises ArgumentError."""
     with held(folder, lambda _: None) as target:
-        study = illustrated(study) if plot else study
         study = for_machines(study, "write_failed" if write_failed else "")
         files = files_of(study, result("", None, study))
         faults = pictured(study, files) if plot else []
+        faults += reported(study, files) if report else []
         paths = put(target, files, lambda files: record({}, None, files))
     if faults:
         raise ArgumentError(faults[0], "plot")
@@ -116,12 +117,6 @@ def files_of(study: Study, data: bytes) -> dict[str, bytes]:
     for name, content in study.files.items():
         files[name] = content.encode() if isinstance(content, str) else content
     return files
-
-
-def illustrated(study: Study) -> Study:
-    """Return the study with those of its files that can include pictures including them."""
-    files = study.files
-    return study.with_(files=files.drawn()) if isinstance(files, MadeFiles) else study
 
 
 def for_machines(study: Study, asked: str, by: str = "write_failed=True") -> Study:
@@ -182,6 +177,18 @@ def pictured(study: Study, files: dict[str, bytes]) -> list[str]:
             fault = " ".join(str(error).split())
             faults.append(f"{file} could not be drawn ({type(error).__name__}: {fault}); please report it")
     return faults
+
+
+def reported(study: Study, files: dict[str, bytes], asked: Any = None) -> list[str]:
+    """Add report.html to `files`, and return a sentence if it cannot be written. asked: `page.Asked`, if known."""
+    from .page.page import REPORT, page  # here: a result without a report needs no page
+
+    try:
+        files[REPORT] = page(study, asked, sha256(files[RESULT])).encode()
+    except Exception as error:
+        fault = " ".join(str(error).split())
+        return [f"{REPORT} could not be written ({type(error).__name__}: {fault}); please report it"]
+    return []
 
 
 def _not_ok(study: Study) -> str:
@@ -266,7 +273,7 @@ def _png(draw: Any, said: str = "") -> bytes:
     with style.settings():
         figure = draw()
         options = _headed(figure, said) if said else {}
-        _as_written(figure)
+        as_written(figure)
         figure.draw_without_rendering()  # equal scales move the tick labels, and the layout then makes room for them
         # without matplotlib's version in the file: same input, same bytes
         figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None}, **options)
@@ -287,7 +294,7 @@ def _headed(figure: Any, message: str) -> dict[str, Any]:
     return {"bbox_inches": Bbox([[0.0, 0.0], [width, height + above]])}
 
 
-def _as_written(figure: Any) -> None:
+def as_written(figure: Any) -> None:
     """Print "$" in titles and names literally, not as a formula; Matplotlib's tick labels stay."""
     from matplotlib.text import Text
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...compiler.causal import flat_of
-from ...inference import Identifiability
+from ...inference import Identifiability, autocorrelation
 from ...inference.covariance import listed
 from ...results import Check, at_most
 from ...results.table import csv_text
@@ -119,9 +119,7 @@ def pictures(findings: CalibrationFindings, title: str) -> Mapping[str, Callable
                 data.T, sizes, f"{title}: errors by place, {whose}", held_out=held_out
             )
     if not parts:
-        figures["length_errors"] = lambda: _plot().length_errors_figure(
-            c.residuals, findings.problem.labels, f"{title}: errors of the fitted poses"
-        )
+        figures["residuals"] = lambda: _residuals(c.residuals, findings.problem.labels, title)
     estimate, after = findings.confidence.estimate, findings.after
     if estimate is not None and after is not None:
         units = [u or "1" for u in estimate.units]
@@ -132,6 +130,17 @@ def pictures(findings: CalibrationFindings, title: str) -> Mapping[str, Callable
             after.names, after.correlation, f"{title}: correlation"
         )
     return figures
+
+
+def _residuals(residuals: np.ndarray, labels: Sequence[str], title: str) -> Figure:
+    """Residuals (N, m) [m] of the fitted poses."""
+    from ...plot.residuals import residuals_figure
+
+    each = [1e3 * r[np.isfinite(r)] for r in residuals.T]
+    rho = [autocorrelation(r, min(LAGS, len(r) // 3))[1:] for r in each]
+    return residuals_figure(
+        each, labels, ["mm"] * len(each), rho, place="pose", title=f"{title}: errors of the fitted poses"
+    )
 
 
 def _of_part(part: CalibrationFindings) -> dict[str, np.ndarray]:
@@ -155,6 +164,7 @@ def _plot() -> Any:
 
 LOOK = "see the verdict in the table"
 SHOWN_PAIRS = 20
+LAGS = 40  # of the drawn autocorrelation
 SHOWN_NAMES = 4
 FEW_NOTES = 3  # most sentences on undetermined parameters that are shown one by one
 APART, KEPT = "the data do not determine ", " stays fixed: "  # in notes on parameters

@@ -1,0 +1,57 @@
+"""What a problem file asks for, as the report of its result shows it."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from gtmodel.problem_files.base import Context
+from gtmodel.problem_files.from_options import Key, keys_of
+from gtmodel.problem_files.load import Loaded
+from gtmodel.problem_files.registry import names
+from gtmodel.problem_files.run import leaves
+from gtmodel.results.page.page import Asked
+from gtmodel.results.quantity import unit_of
+from gtmodel.results.written import sha256, sha256_of_file
+
+_HEAD = {"kind", "title"}
+_SCHEMA = "#:schema"
+
+
+def asked(loaded: Loaded, context: Context, options: Sequence[str] = ()) -> Asked:
+    """Return what the report says about a problem. options: further ones of the command, such as --write-failed."""
+    problem = loaded.problem
+    whole = dict(leaves(problem.model_dump(mode="json", exclude_none=True, exclude=_HEAD)))
+    chosen = dict(leaves(problem.model_dump(mode="json", exclude_none=True, exclude=_HEAD, exclude_unset=True)))
+    known = {key.key: key for key in keys_of(type(problem))}
+    files = [(name, path.name, sha256_of_file(path)) for name, path in context.inputs.items()]
+    words = ["gtmodel", "solve", loaded.path.name]
+    words += [word for setting in loaded.settings for word in ("--set", setting)]
+    words += [] if context.max_seconds is None else ["--max-seconds", f"{context.max_seconds:g}"]
+    words += ["--start", context.inputs["start"].name] if "start" in context.inputs else []
+    return Asked(
+        what=f"{problem.kind}: {names()[problem.kind]}.",
+        keys=list(_rows(chosen, known)),
+        defaults=list(_rows({k: v for k, v in whole.items() if k not in chosen}, known)),
+        inputs=[("problem", loaded.path.name, sha256(loaded.content)), *files],
+        command=shlex.join([*words, *options, "--report", "--out", f"{context.name}-result"]),
+        remarks=_remarks(loaded.content),
+    )
+
+
+def _rows(values: Mapping[str, str], known: Mapping[str, Key]) -> Iterator[tuple[str, str, str, str]]:
+    for key, value in values.items():
+        about = known.get(re.sub(r"\[\d+\]", "[]", key)) or known.get(re.sub(r"\[\d+\]", "", key))
+        unit = about.unit if about else unit_of(key.rpartition(".")[2])
+        yield key, value, unit, about.description if about else ""
+
+
+def _remarks(content: bytes) -> list[str]:
+    """Comments of the problem file that stand on lines of their own: what its author says about it."""
+    lines = content.decode("utf-8-sig").splitlines()
+    blocks = re.split(r"\n\s*\n", "\n".join(
+        line[1:].strip() if line.startswith("#") and not line.startswith(_SCHEMA) else "" for line in lines
+    ))  # fmt: skip
+    return [" ".join(block.split()) for block in blocks if block.strip() and not block.strip().startswith("problems/")]
