@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
 from gtmodel.problem_files.base import Context
 from gtmodel.problem_files.from_options import Key, keys_of

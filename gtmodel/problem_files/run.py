@@ -58,7 +58,8 @@ def write(
     """Write a study with its run.toml, all files or none, and return their paths.
 
     The files are result.json, trajectory.csv if there is a trajectory (marked if it must not be used), the study's own
-    files, pictures if `plot` is set, report.html if `asked`, a `results.page.Asked`, is given, and run.toml. They replace the files of an earlier result in the folder.
+    files, pictures if `plot` is set, report.html if `asked` is given, and run.toml. They replace those of an earlier
+    result in the folder. asked: what the report says about the problem, a `results.page.page.Asked`.
 
     Raises InputError if the folder belongs to something else or cannot be written; NotDrawn if only a picture failed.
     """
@@ -214,9 +215,10 @@ def solve(
     loaded: Loaded, context: Context, *, out: Path | None = None, plot: bool = False, write_failed: bool = False,
     asked: Callable[[], Any] | None = None,
 ) -> Finished:  # fmt: skip
-    """Solve a problem and write the result into `out`, if there is one; with `asked`, called then, report.html too. Raises InputError, if possible before the work.
+    """Solve a problem and write the result into `out`, if there is one. Raises InputError, if possible before the work.
 
     Files for a machine are written only if the result may be used, or with `write_failed`, marked in their first line.
+    asked: called after the work, for report.html; see `write`.
     """
     if out is None:
         return Finished(noted(answer(loaded, context), context), time.monotonic() - context.began)

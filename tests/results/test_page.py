@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def curve(points: int = 40) -> Callable[[], Any]:
 
 
 class Seen(Study):
-    captions = {"curve": "A curve."}
+    captions: ClassVar = {"curve": "A curve."}
 
     @property
     def sections(self):

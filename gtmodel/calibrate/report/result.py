@@ -127,7 +127,7 @@ class CalibrationStudy(Study):
     """
 
     captions: ClassVar[Mapping[str, str]] = {
-        "pose_errors": "Positioning error per pose (compare Dressler 2012, Fig. 5.1); dashed: mean; ring: largest error.",
+        "pose_errors": "Positioning error per pose (compare Dressler 2012, Fig. 5.1); dashed: mean; ring: the largest.",
         "workspace_errors": "Positioning error over the workspace; squares: held-out poses; ring: largest error.",
         "residuals": "Errors of each link, or coordinate of the tool, in the fitted poses; bars within the dotted band "
         "are what white noise would show.",

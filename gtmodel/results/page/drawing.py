@@ -53,8 +53,8 @@ def _vectors(figure: Any, name: str) -> str:
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
     # ids are unique within a figure; on a page with several figures only with a prefix
-    text = re.sub(r'\bid="(?!%s-)' % name, f'id="{name}.', text)
-    text = re.sub(r'(href="|url\()#(?!%s-)' % name, rf"\1#{name}.", text)
+    text = re.sub(rf'\bid="(?!{name}-)', f'id="{name}.', text)
+    text = re.sub(rf'(href="|url\()#(?!{name}-)', rf"\1#{name}.", text)
     # Verdana is as wide as DejaVu Sans, which Matplotlib laid the texts out for
     return text.replace("'DejaVu Sans'", "'DejaVu Sans', Verdana, sans-serif").strip()
 

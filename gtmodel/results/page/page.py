@@ -44,9 +44,9 @@ Sections = Mapping[str, Sequence[Part]]
 class Asked:
     """What a run was asked for, as a page shows it.
 
-    what: kind of the study, in a line. keys, defaults: rows (key, value, unit, description) of the keys that were set,
-    and of those that were not. remarks: paragraphs by the author of the problem. inputs: rows (what, file name, sha256).
-    command: how to run it again.
+    what: kind of the study, in a line. remarks: paragraphs by the author of the problem.
+    keys, defaults: rows (key, value, unit, description) of the keys that were set, and of those that were not.
+    inputs: rows (what, file name, sha256). command: how to run it again.
     """
 
     what: str = ""
@@ -90,21 +90,14 @@ def _parts(study: Study, asked: Asked, result: str, drawings: Mapping[str, Drawi
         *_pictures(study, drawings),
         *(line for heading, content in study.sections.items() for line in _section(heading, content)),
         *_assumed(asked),
-        *_section(
-            "Versions and files",
-            [
-                PageTable(
-                    ("what", "", "sha256"),
-                    [
-                        *asked.inputs,
-                        *([("result", "result.json", result)] if result else []),
-                        *((name, version, "") for name, version in versions().items() if name != "platform"),
-                    ],
-                )
-            ],
-        ),  # fmt: skip
+        *_section("Versions and files", [PageTable(("what", "", "sha256"), _origin(asked, result))]),
         *_again(asked),
     ]
+
+
+def _origin(asked: Asked, result: str) -> list[Sequence[str]]:
+    files = [*asked.inputs, *([("result", "result.json", result)] if result else [])]
+    return [*files, *((name, version, "") for name, version in versions().items() if name != "platform")]
 
 
 def _verdict(study: Study, rows: Sequence[str]) -> list[str]:
