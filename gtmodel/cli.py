@@ -254,6 +254,40 @@ def solve(
             print(f"{problem}: this result has no picture", file=sys.stderr)
 
 
+def _beginnings(prefix: str) -> list[str]:
+    from gtmodel.problem_files.files import shipped_names
+
+    return [n for n in ("model", "robot", *_kinds(""), *shipped_names()) if n.startswith(prefix)]
+
+
+@app.command()
+def new(
+    context: typer.Context,
+    what: Annotated[
+        str,
+        typer.Argument(
+            metavar="KIND|PROBLEM|MODEL|ROBOT", autocompletion=_beginnings,
+            help="Kind, see gtmodel schema; shipped problem, see gtmodel list; or the word model or robot.",
+        ),
+    ],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the new file, without ending.")],
+    log: Annotated[
+        Path | None, typer.Option("--from", metavar="LOG", help="Recording of a calibration: its columns and units.")
+    ] = None,
+) -> None:  # fmt: skip
+    """Write a commented file to begin with, which works unchanged, and the files that it needs.
+
+    It has a description for each key. The word model stands for a model in Python, with a problem that simulates it.
+    """
+    with answering(context, False, what):
+        from gtmodel import _new
+
+        paths, command = _new.write(what, name, log)
+    for path in paths:
+        print(f"wrote {path}")
+    print(f"\ntry: {command}")
+
+
 @app.command()
 def sweep(
     context: typer.Context,
