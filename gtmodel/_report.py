@@ -31,6 +31,7 @@ def asked(loaded: Loaded, context: Context, options: Sequence[str] = ()) -> Aske
     words += [] if context.max_seconds is None else ["--max-seconds", f"{context.max_seconds:g}"]
     words += ["--start", context.inputs["start"].name] if "start" in context.inputs else []
     return Asked(
+        title=problem.heading,
         what=f"{problem.kind}: {names()[problem.kind]}.",
         keys=list(_rows(chosen, known)),
         defaults=list(_rows({k: v for k, v in whole.items() if k not in chosen}, known)),

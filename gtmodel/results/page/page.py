@@ -44,11 +44,12 @@ Sections = Mapping[str, Sequence[Part]]
 class Asked:
     """What a run was asked for, as a page shows it.
 
-    what: kind of the study, in a line. remarks: paragraphs by the author of the problem.
+    title: of the page of a study without a title. what: kind of the study, in a line. remarks: paragraphs by the author of the problem.
     keys, defaults: rows (key, value, unit, description) of the keys that were set, and of those that were not.
     inputs: rows (what, file name, sha256). command: how to run it again.
     """
 
+    title: str = ""
     what: str = ""
     keys: Sequence[Sequence[str]] = ()
     defaults: Sequence[Sequence[str]] = ()
@@ -68,7 +69,7 @@ def page(study: Study, asked: Asked | None = None, result: str = "") -> str:
             break
         drawings[name] = drawing_of(figures[name], f"p{list(figures).index(name)}", pixels=True)
         parts = _parts(study, asked, result, drawings)
-    title = escape(study.title or type(study).__name__)
+    title = escape(study.title or asked.title or type(study).__name__)
     style, script = (Path(__file__).with_name(name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
     head = f'<meta charset="utf-8"><title>{title}</title><meta name="viewport" content="width=device-width">'
     body = "\n".join([f"<h1>{title}</h1>", *parts])

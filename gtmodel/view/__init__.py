@@ -1,0 +1,16 @@
+"""A robot in space, in one HTML file: its parts from its model, its motion over time, its forces beside it.
+
+scene     the scene of a robot and a motion
+Scene     points over time, parts that join them, signals; as a page
+Part      a bar, joint, cart, face, guideway, path or set of axes
+"""
+
+from typing import TYPE_CHECKING
+
+from .._lazy import public
+
+if TYPE_CHECKING:
+    from .robot import scene as scene
+    from .scene import Part as Part, Scene as Scene
+
+public(__name__)
