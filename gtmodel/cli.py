@@ -289,6 +289,30 @@ def new(
 
 
 @app.command()
+def view(
+    context: typer.Context,
+    what: Annotated[
+        str,
+        typer.Argument(metavar="ROBOT|RESULT", help="Robot, as after robot = in a problem file; or folder of --out."),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="FILE.html", help="Page to write; NAME.html if left out.")
+    ] = None,
+) -> None:
+    """Write a page with the robot in space: with its motion from a result, or with each drive moved to and fro.
+
+    The page is one file that needs no network.
+    """
+    from gtmodel.problem_files.base import Context
+
+    with answering(context, False, what):
+        from gtmodel import _view
+
+        path = _view.write(what, out, Context(notice=lambda sentence: print(sentence, file=sys.stderr)))
+    print(f"wrote {path}")
+
+
+@app.command()
 def sweep(
     context: typer.Context,
     problem: Problem,

@@ -47,6 +47,7 @@ class Study(Portable):
     checks: tested numbers, by name. notes: remarks for the reader.
     trajectory: the motion, if there is one.
     figures: name -> function that draws a matplotlib figure; `figure` calls it.
+    scenes: name -> function that returns a `gtmodel.view.Scene`; `view` calls it.
     files: file name -> content of files besides result.json, such as map.csv.
     machine_files: names of files that a machine or another program uses, such as a robot program; they are written only
         if the result may be used. TRAJECTORY is one of them if a machine follows it; otherwise a failed study writes it
@@ -77,6 +78,7 @@ class Study(Portable):
     checks: Mapping[str, Check] = field(default_factory=dict)
     trajectory: Trajectory | None = None
     figures: Mapping[str, Callable[[], Any]] = field(default_factory=dict)
+    scenes: Mapping[str, Callable[[], Any]] = field(default_factory=dict)
     files: Mapping[str, str | bytes] = field(default_factory=dict)
     machine_files: Collection[str] = ()
 
@@ -133,10 +135,12 @@ class Study(Portable):
 
     def figure(self, name: str = "") -> Figure:
         """Return a picture by name, the first if left out. Raises ArgumentError for an unknown name."""
-        names = ", ".join(self.figures) or "none"
-        if not self.figures or (name and name not in self.figures):
-            raise ArgumentError(f"there is no picture '{name}'; there are {names}", "name")
-        return self.figures[name or next(iter(self.figures))]()
+        return _chosen(self.figures, name, "picture")()
+
+    def view(self, name: str = "") -> Any:
+        """Return the robot in space with its motion by name, the first if left out: a `gtmodel.view.Scene`, which a
+        notebook shows and which writes a page. Raises ArgumentError for an unknown name, and if there is none."""
+        return _chosen(self.scenes, name, "view")()
 
     def write(
         self, folder: str | Path, *, plot: bool = False, report: bool = False, write_failed: bool = False
@@ -166,3 +170,10 @@ class Study(Portable):
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.status.value}>"
+
+
+def _chosen(made: Mapping[str, Callable[[], Any]], name: str, what: str) -> Callable[[], Any]:
+    """The maker of that name, or the first. Raises ArgumentError."""
+    if not made or (name and name not in made):
+        raise ArgumentError(f"there is no {what} '{name}'; there are {', '.join(made) or 'none'}", "name")
+    return made[name or next(iter(made))]

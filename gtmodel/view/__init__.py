@@ -1,6 +1,7 @@
 """A robot in space, in one HTML file: its parts from its model, its motion over time, its forces beside it.
 
 scene     the scene of a robot and a motion
+points_of  names of the points of a model
 Scene     points over time, parts that join them, signals; as a page
 Part      a bar, joint, cart, face, guideway, path or set of axes
 """
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
-    from .robot import scene as scene
-    from .scene import Part as Part, Scene as Scene
+    from .robot import points_of as points_of, scene as scene
+    from .scene import MARK as MARK, Part as Part, Scene as Scene
 
 public(__name__)

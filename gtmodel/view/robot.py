@@ -47,8 +47,7 @@ def scene(
     >>> page.at("plate.frame", 0.0).round(3), robot.home
     (array([ 0.5, -0.9,  0.3]), array([ 0.5, -0.9,  0.3]))
     """
-    flat = flat_of(robot)
-    names = [n for n, (shape, _) in flat.groups.items() if n.endswith(".r") and shape == (3,)]
+    flat, names = flat_of(robot), points_of(robot)
     if not names:
         raise ArgumentError(f"{type(robot).__name__} has no components with points in space", "robot")
     turns = [n for n in ("R", "end.R", "plate.frame.R") if flat.groups.get(n, ((), []))[0] == (3, 3)][:1]
@@ -66,8 +65,18 @@ def scene(
         points |= {f"tool {axis}": end for axis, end in zip("xyz", ends, strict=True)}
         parts.append(Part("axes", (tool, *(f"tool {axis}" for axis in "xyz")), "tool frame"))
     still = {n: p[0] if np.ptp(p, axis=0).max() < SAME else p for n, p in points.items()}
-    name = title or (motion.title if motion is not None else "") or type(robot).__name__
+    named = motion.title if motion is not None else ""
+    name = title or named or type(robot).__name__
     return Scene(still, parts, time, shown, limits or {}, name)
+
+
+def points_of(robot: Model) -> list[str]:
+    """Return the names of the positions of points and frames in the components of a model, (3,) [m].
+
+    >>> gt.view.points_of(gt.mechanics.UniformRod(L=1.0, m=1.0))
+    ['a.r', 'b.r']
+    """
+    return [n for n, (shape, _) in flat_of(robot).groups.items() if n.endswith(".r") and shape == (3,)]
 
 
 def _poses(robot: Model, targets: Sequence[str], motion: Trajectory | None) -> tuple[Array, list[Array], Any]:

@@ -20,6 +20,7 @@ from ..results import ArgumentError, Trajectory
 from ..results.disk import path_of, write_whole
 
 Shape = Literal["bar", "joint", "cart", "face", "guideway", "path", "axes"]
+MARK = '<meta name="generator" content="gtmodel view">'
 DIGITS = 7  # of a coordinate behind the point: 0.1 um
 SIGNIFICANT = 6  # digits of a signal
 FIRST = ("N", "N.m", "m", "rad", "m/s", "rad/s")  # units whose signals are shown first
@@ -97,7 +98,7 @@ class Scene:
     def _shown(self, signals: Trajectory) -> Any:
         units = {name: signals.unit(name) or "1" for name in signals.names}
         names = [n for n in signals.names if np.ndim(signals[n]) < 3 and np.isfinite(signals[n]).all()]
-        order = sorted(names, key=lambda n: FIRST.index(units[n]) if units[n] in FIRST else len(FIRST))
+        order = sorted(names, key=lambda n: (FIRST.index(units[n]) if units[n] in FIRST else len(FIRST), len(n)))
         for name in order[:CHARTS]:
             rows = np.asarray(signals[name], float).reshape(len(signals.time), -1).T
             values = [[float(f"{x:.{SIGNIFICANT}g}") for x in row] for row in rows]
@@ -111,7 +112,7 @@ class Scene:
         data = data.replace("</", "<\\/")
         title = escape(self.title or "scene")
         return (
-            f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
+            f'<!DOCTYPE html>\n<html lang="en"><head>{MARK}<meta charset="utf-8"><title>{title}</title>'
             f'<meta name="viewport" content="width=device-width"><style>\n{style}</style></head>'
             f'<body><h1>{title}</h1><main></main><script type="application/json" id="scene">'
             f"{data}</script><script>\n{script}</script></body></html>\n"

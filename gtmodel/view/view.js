@@ -235,6 +235,7 @@ const KEYS = {
   " ": () => last_frame > 0 && play(!playing), ",": () => { frame = Math.max(0, Math.ceil(frame) - 1); draw(); }, ".": () => { frame = Math.min(last_frame, Math.floor(frame) + 1); draw(); },
 };
 canvas.addEventListener("keydown", (e) => { if (KEYS[e.key]) { e.preventDefault(); KEYS[e.key](); } });
+if (last_frame > 0 && location.hash) frame = frameAt(Number(location.hash.slice(1)) || 0); // file.html#0.5 begins there
 new ResizeObserver(draw).observe(canvas);
 window.addEventListener("beforeprint", draw);
 draw();

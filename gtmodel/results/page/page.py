@@ -44,7 +44,8 @@ Sections = Mapping[str, Sequence[Part]]
 class Asked:
     """What a run was asked for, as a page shows it.
 
-    title: of the page of a study without a title. what: kind of the study, in a line. remarks: paragraphs by the author of the problem.
+    title: of the page, if the study has none. what: kind of the study, in a line.
+    remarks: paragraphs by the author of the problem.
     keys, defaults: rows (key, value, unit, description) of the keys that were set, and of those that were not.
     inputs: rows (what, file name, sha256). command: how to run it again.
     """
