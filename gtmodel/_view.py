@@ -30,7 +30,7 @@ def write(what: str, out: Path | None, context: Context) -> Path:
         raise InputError(error.message) from error
 
 
-def _of_result(folder: Path, context: Context) -> view.Scene:
+def _of_result(folder: Path, context: Context) -> view.RobotScene:
     try:
         run = toml_of((folder / written.RUN).read_text(encoding="utf-8"))
         problem: Any = validate(get(run["problem"]["kind"]).Schema, run["problem"])

@@ -47,7 +47,7 @@ class Study(Portable):
     checks: tested numbers, by name. notes: remarks for the reader.
     trajectory: the motion, if there is one.
     figures: name -> function that draws a matplotlib figure; `figure` calls it.
-    scenes: name -> function that returns a `gtmodel.view.Scene`; `view` calls it.
+    scenes: name -> function that returns a `gtmodel.view.RobotScene`; `view` calls it.
     files: file name -> content of files besides result.json, such as map.csv.
     machine_files: names of files that a machine or another program uses, such as a robot program; they are written only
         if the result may be used. TRAJECTORY is one of them if a machine follows it; otherwise a failed study writes it
@@ -138,7 +138,7 @@ class Study(Portable):
         return _chosen(self.figures, name, "picture")()
 
     def view(self, name: str = "") -> Any:
-        """Return the robot in space with its motion by name, the first if left out: a `gtmodel.view.Scene`, which a
+        """Return the robot in space with its motion by name, the first if left out: a `gtmodel.view.RobotScene`, which a
         notebook shows and which writes a page. Raises ArgumentError for an unknown name, and if there is none."""
         return _chosen(self.scenes, name, "view")()
 

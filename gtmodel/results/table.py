@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .check import Check, bound_in_words
+from .pictures import png
 from .plain_table import plain
 from .quantity import split
 from .status import SolveStatus
-from .written import png
 
 if TYPE_CHECKING:
     from .study import Study

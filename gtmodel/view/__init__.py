@@ -2,8 +2,8 @@
 
 scene     the scene of a robot and a motion
 points_of  names of the points of a model
-Scene     points over time, parts that join them, signals; as a page
-Part      a bar, joint, cart, face, guideway, path or set of axes
+RobotScene     points over time, parts that join them, signals; as a page
+VisiblePart      a bar, joint, cart, face, guideway, path or set of axes
 """
 
 from typing import TYPE_CHECKING
@@ -12,6 +12,6 @@ from .._lazy import public
 
 if TYPE_CHECKING:
     from .robot import points_of as points_of, scene as scene
-    from .scene import MARK as MARK, Part as Part, Scene as Scene
+    from .scene import MARK as MARK, RobotScene as RobotScene, VisiblePart as VisiblePart
 
 public(__name__)

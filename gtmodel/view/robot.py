@@ -12,7 +12,7 @@ import numpy as np
 from ..compiler.causal import CausalFunction, compile_causal, flat_of
 from ..lang import Model, ModelError
 from ..results import ArgumentError, Status, Trajectory
-from .scene import Part, Scene
+from .scene import RobotScene, VisiblePart
 
 Array = np.ndarray
 # Okabe-Ito, which colour-blind readers tell apart; the same as in gtmodel.plot.style, which needs matplotlib
@@ -30,7 +30,7 @@ KNOWN = (("q",), ("T",), ("T", "e"), ("T", "R"))  # what may determine the pose
 def scene(
     robot: Model, motion: Trajectory | None = None, *, limits: Mapping[str, tuple[float, float]] | None = None,
     title: str = "",
-) -> Scene:  # fmt: skip
+) -> RobotScene:  # fmt: skip
     """Return the scene of a robot: rods, links, joints, carts, guideways and plate, from the components of its model.
 
     Args:
@@ -59,15 +59,15 @@ def scene(
     parts = [*_parts(flat, points, one_of), *_guideways(flat, points, one_of, size)]
     tool = one_of[tools[0]] if tools else ""
     if tool:
-        parts.append(Part("path", (tool,), "path of the tool centre point"))
+        parts.append(VisiblePart("path", (tool,), "path of the tool centre point"))
     if tool and turns:
         ends = np.moveaxis(np.asarray(points[tool])[..., None] + AXIS * size * values[-1], -1, 0)
         points |= {f"tool {axis}": end for axis, end in zip("xyz", ends, strict=True)}
-        parts.append(Part("axes", (tool, *(f"tool {axis}" for axis in "xyz")), "tool frame"))
+        parts.append(VisiblePart("axes", (tool, *(f"tool {axis}" for axis in "xyz")), "tool frame"))
     still = {n: p[0] if np.ptp(p, axis=0).max() < SAME else p for n, p in points.items()}
     named = motion.title if motion is not None else ""
     name = title or named or type(robot).__name__
-    return Scene(still, parts, time, shown, limits or {}, name)
+    return RobotScene(still, parts, time, shown, limits or {}, name)
 
 
 def points_of(robot: Model) -> list[str]:
@@ -180,23 +180,23 @@ def _owners(one_of: Mapping[str, str]) -> dict[str, list[str]]:
     return points
 
 
-def _parts(flat: Any, points: Mapping[str, Array], one_of: Mapping[str, str]) -> Iterator[Part]:
+def _parts(flat: Any, points: Mapping[str, Array], one_of: Mapping[str, str]) -> Iterator[VisiblePart]:
     """Bars between the points of a component, faces of those with three or more, and joints at the ends."""
     owners = _owners(one_of)
-    bars: dict[frozenset[str], Part] = {}
+    bars: dict[frozenset[str], VisiblePart] = {}
     rods = [o for o in owners if f"{o}.tension" in flat.groups or f"{o}.L" in flat.bindings]
     for owner in sorted(owners, key=lambda o: (-o.count("."), list(owners).index(o))):
         first, *others = owners[owner]
         colour = ROD_COLOURS[rods.index(owner) % len(ROD_COLOURS)] if owner in rods else ""
         for other in others:
             still = all(np.ptp(points[n], axis=0).max() < SAME for n in (first, other))
-            bar = Part("bar", (first, other), owner, colour or (GROUND if still else ""))
+            bar = VisiblePart("bar", (first, other), owner, colour or (GROUND if still else ""))
             bars.setdefault(frozenset((first, other)), bar)
         if len(others) > 2:
-            yield Part("face", tuple(_around(others, points)), owner)
+            yield VisiblePart("face", tuple(_around(others, points)), owner)
     yield from bars.values()
     for point in dict.fromkeys(p for bar in bars.values() for p in bar.points):
-        yield Part("joint", (point,), point)
+        yield VisiblePart("joint", (point,), point)
 
 
 def _around(names: Sequence[str], points: Mapping[str, Array]) -> list[str]:
@@ -208,7 +208,7 @@ def _around(names: Sequence[str], points: Mapping[str, Array]) -> list[str]:
     return [names[k] for k in np.argsort(np.arctan2(v, u), kind="stable")]
 
 
-def _guideways(flat: Any, points: dict[str, Array], one_of: Mapping[str, str], size: float) -> Iterator[Part]:
+def _guideways(flat: Any, points: dict[str, Array], one_of: Mapping[str, str], size: float) -> Iterator[VisiblePart]:
     """Carts on straight guideways, and bars from a cart to the link joints that it carries beside it."""
     ways = [n.removesuffix(".frame") for n in one_of if f"{n.removesuffix('.frame')}.v" in flat.bindings]
     ways = [n for n in ways if f"{n}.A" in flat.bindings]
@@ -223,8 +223,8 @@ def _guideways(flat: Any, points: dict[str, Array], one_of: Mapping[str, str], s
             middle = points[joint][0] - along[0] * direction
             for end, at in (("start", along.min() - BEYOND * size), ("end", along.max() + BEYOND * size)):
                 points[f"{way} {end}"] = np.repeat([middle + at * direction], len(along), axis=0)
-            yield Part("guideway", (f"{way} start", f"{way} end"), way)
-            yield Part("cart", (joint,), way)
+            yield VisiblePart("guideway", (f"{way} start", f"{way} end"), way)
+            yield VisiblePart("cart", (joint,), way)
         elif carts and joint not in carts.values():
             cart = min(carts.values(), key=lambda c: float(np.linalg.norm(points[c][0] - points[joint][0])))
-            yield Part("bar", (cart, joint), f"cart joint of {way.rpartition('.')[0]}")
+            yield VisiblePart("bar", (cart, joint), f"cart joint of {way.rpartition('.')[0]}")

@@ -28,7 +28,7 @@ CHARTS = 6  # signals that are shown; the others are in trajectory.csv
 
 
 @dataclass(frozen=True)
-class Part:
+class VisiblePart:
     """A part of a scene.
 
     shape: bar (two points), joint, cart or path (one), face (three or more, convex), guideway (two), axes (four: origin
@@ -43,7 +43,7 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class RobotScene:
     """Points in space over time with the parts that join them.
 
     Args:
@@ -56,14 +56,14 @@ class Scene:
 
     Raises ArgumentError for a part with an unknown point, and for points with another number of times.
 
-    >>> tip = gt.view.Scene({"a": [0.0, 0.0, 0.0], "b": [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]},
-    ...                     [gt.view.Part("bar", ("a", "b"))], time=[0.0, 1.0], title="a turning bar")
+    >>> tip = gt.view.RobotScene({"a": [0.0, 0.0, 0.0], "b": [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]},
+    ...                     [gt.view.VisiblePart("bar", ("a", "b"))], time=[0.0, 1.0], title="a turning bar")
     >>> tip.html().count("<html"), tip.at("b", 1.0)
     (1, array([0., 1., 0.]))
     """
 
     points: Mapping[str, Any]
-    parts: Sequence[Part]
+    parts: Sequence[VisiblePart]
     time: Any = (0.0,)
     signals: Trajectory | None = None
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)

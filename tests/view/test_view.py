@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import gtmodel as gt
-from gtmodel.view import Part, Scene
+from gtmodel.view import RobotScene, VisiblePart
 from tests.support.commands import Commands
 from tests.support.pages import read
 
@@ -116,9 +116,9 @@ def test_what_is_wrong_is_refused() -> None:
     with pytest.raises(gt.results.ArgumentError) as caught:
         gt.view.scene(gt.load_robot(f"{PROBLEMS / 'models' / 'pendulum.py'}:Pendulum"))
     assert caught.value.argument == "robot"
-    for points, parts, argument in (({"a": [0.0, 0.0]}, [], "points"), ({}, [Part("joint", ("b",))], "parts")):
+    for points, parts, argument in (({"a": [0.0, 0.0]}, [], "points"), ({}, [VisiblePart("joint", ("b",))], "parts")):
         with pytest.raises(gt.results.ArgumentError) as caught:
-            Scene(points, parts)
+            RobotScene(points, parts)
         assert caught.value.argument == argument
     with pytest.raises(gt.results.ArgumentError, match="there is no view ''; there are none"):
         gt.results.Study(status=gt.SolveStatus.SOLVED).view()

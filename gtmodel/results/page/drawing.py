@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from ..written import as_written
+from ..pictures import as_written
 
 POINTS = 72.0  # SVG units per inch
 MANY = 4000  # vertices of an artist; beyond that it is a picture within the SVG, smaller and faster to show

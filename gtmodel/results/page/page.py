@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ..check import Check, bound_in_words
 from ..quantity import split
 from ..table import number, quantity_rows
-from ..written import versions
+from ..versions import versions
 from .drawing import Drawing, drawing_of
 
 if TYPE_CHECKING:
