@@ -138,8 +138,8 @@ class Study(Portable):
         return _chosen(self.figures, name, "picture")()
 
     def view(self, name: str = "") -> Any:
-        """Return the robot in space with its motion by name, the first if left out: a `gtmodel.view.RobotScene`, which a
-        notebook shows and which writes a page. Raises ArgumentError for an unknown name, and if there is none."""
+        """Return the robot in space with its motion, by name, the first if left out: a `gtmodel.view.RobotScene`. A
+        notebook shows it, and it writes a page. Raises ArgumentError for an unknown name, and if there is none."""
         return _chosen(self.scenes, name, "view")()
 
     def write(

@@ -69,7 +69,10 @@ def test_a_page_stands_alone_and_is_the_same_twice() -> None:
         status=SolveStatus.SOLVED, title="a < b", notes=["a & b"], figures={"curve": curve(), "second": curve()}
     )
     asked = Asked(
-        "kind: a line.", [("robot", '"l1"', "", "a robot")], [("mesh", "3", "", "")], command="gtmodel solve x"
+        what="kind: a line.",
+        keys=[("robot", '"l1"', "", "a robot")],
+        defaults=[("mesh", "3", "", "")],
+        command="gtmodel solve x",
     )
     text = page(study, asked, "abc")
     assert faults_of(text) == [] and page(study, asked, "abc") == text and len(drawn_in(text)) == 2
