@@ -16,7 +16,6 @@ from gtmodel.results.quantity import unit_of
 from gtmodel.results.written import sha256, sha256_of_file
 
 _HEAD = {"kind", "title"}
-_SCHEMA = "#:schema"
 
 
 def asked(loaded: Loaded, context: Context, options: Sequence[str] = ()) -> Asked:
@@ -51,7 +50,5 @@ def _rows(values: Mapping[str, str], known: Mapping[str, Key]) -> Iterator[tuple
 def _remarks(content: bytes) -> list[str]:
     """Comments of the problem file that stand on lines of their own: what its author says about it."""
     lines = content.decode("utf-8-sig").splitlines()
-    blocks = re.split(r"\n\s*\n", "\n".join(
-        line[1:].strip() if line.startswith("#") and not line.startswith(_SCHEMA) else "" for line in lines
-    ))  # fmt: skip
-    return [" ".join(block.split()) for block in blocks if block.strip() and not block.strip().startswith("problems/")]
+    remarks = [s[1:].strip() if s.startswith("#") and not re.match(r"#:schema|#.*\bproblems/", s) else "" for s in lines]
+    return [" ".join(block.split()) for block in re.split(r"\n\s*\n", "\n".join(remarks)) if block.strip()]

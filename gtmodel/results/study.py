@@ -67,6 +67,8 @@ class Study(Portable):
     """Word for the status SOLVED in the table; a study that solves nothing has another one."""
     captions: ClassVar[Mapping[str, str]] = {}
     """Captions of pictures in the report, by their name; the others are called by their name."""
+    draws_residuals: ClassVar[bool] = False
+    """Whether `figures` show distribution and autocorrelation of the residuals; otherwise the report does."""
 
     status: SolveStatus
     message: str = ""

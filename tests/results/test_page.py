@@ -97,3 +97,14 @@ def test_large_pictures_are_small_on_a_page(monkeypatch: pytest.MonkeyPatch) -> 
     both = drawn_in(page(study))
     assert all(len([*drawn.svg.iter(f"{SVG}image")]) == 1 and not [*drawn.svg.iter(f"{SVG}path")] for drawn in both)
     assert both[1].panels[0]["box"] == drawn_in(text)[1].panels[0]["box"]
+
+
+def test_the_residuals_of_a_fit_are_tested_in_pictures() -> None:
+    time = np.linspace(0.0, 1.0, 40)
+    rows = np.column_stack([np.ones(40), time])
+    noise = np.random.default_rng(1).normal(size=40)  # synthetic
+    estimate = gt.inference.linear_fit(rows, rows @ [1.0, 2.0] + 0.1 * noise, ["a", "b"])
+    study = Study(status=SolveStatus.SOLVED, estimate=estimate)
+    (drawn,) = drawn_in(page(study))
+    labels = [axis[3] for panel in drawn.panels for axis in (panel["x"], panel["y"])]
+    assert {"normal quantile [1]", "autocorrelation [1]", "lag [1]"} <= set(labels) and len(drawn.panels) == 4

@@ -126,6 +126,7 @@ class CalibrationStudy(Study):
     degrees: whether the printed table has angles in degrees, as the file does.
     """
 
+    draws_residuals: ClassVar[bool] = True
     captions: ClassVar[Mapping[str, str]] = {
         "pose_errors": "Positioning error per pose (compare Dressler 2012, Fig. 5.1); dashed: mean; ring: the largest.",
         "workspace_errors": "Positioning error over the workspace; squares: held-out poses; ring: largest error.",

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...compiler.causal import flat_of
-from ...inference import Identifiability, autocorrelation
+from ...inference import Identifiability
 from ...inference.covariance import listed
+from ...inference.residuals import draw_residuals
 from ...results import Check, at_most
 from ...results.table import csv_text
 from ..prediction import Prediction
@@ -134,13 +135,8 @@ def pictures(findings: CalibrationFindings, title: str) -> Mapping[str, Callable
 
 def _residuals(residuals: np.ndarray, labels: Sequence[str], title: str) -> Figure:
     """Residuals (N, m) [m] of the fitted poses."""
-    from ...plot.residuals import residuals_figure
-
-    each = [1e3 * r[np.isfinite(r)] for r in residuals.T]
-    rho = [autocorrelation(r, min(LAGS, len(r) // 3))[1:] for r in each]
-    return residuals_figure(
-        each, labels, ["mm"] * len(each), rho, place="pose", title=f"{title}: errors of the fitted poses"
-    )
+    units, what = ["mm"] * len(labels), f"{title}: errors of the fitted poses"
+    return draw_residuals([*(1e3 * residuals.T)], labels, units, what, place="pose")
 
 
 def _of_part(part: CalibrationFindings) -> dict[str, np.ndarray]:
@@ -164,7 +160,6 @@ def _plot() -> Any:
 
 LOOK = "see the verdict in the table"
 SHOWN_PAIRS = 20
-LAGS = 40  # of the drawn autocorrelation
 SHOWN_NAMES = 4
 FEW_NOTES = 3  # most sentences on undetermined parameters that are shown one by one
 APART, KEPT = "the data do not determine ", " stays fixed: "  # in notes on parameters

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from html import escape
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from ..check import Check, bound_in_words
 from ..quantity import split
@@ -23,6 +27,7 @@ REPORT = "report.html"
 LARGEST = 2_000_000  # bytes of a page, which is sent by mail
 LONGEST = 240  # characters of a value in a table of keys
 RIGHT, FAILED = ' class="n"', '<tr class="failed">'
+RESIDUALS, FEW = "residuals_of_the_fit", 12  # fewer residuals show no distribution
 VERDICT = "verdict"  # label of rows that belong to the verdict
 
 
@@ -62,7 +67,7 @@ class Asked:
 def page(study: Study, asked: Asked | None = None, result: str = "") -> str:
     """Return the page of a study. asked: what it was asked for, if it is known. result: sha256 of its result.json."""
     asked = asked or Asked()
-    figures = study.figures
+    figures = _figures(study)
     drawings = {name: drawing_of(draw, f"p{k}") for k, (name, draw) in enumerate(figures.items())}
     parts = _parts(study, asked, result, drawings)
     for name in sorted(drawings, key=lambda n: (-len(drawings[n].svg), n)):
@@ -79,6 +84,15 @@ def page(study: Study, asked: Asked | None = None, result: str = "") -> str:
         f'<!DOCTYPE html>\n<html lang="en"><head>{head}<style>\n{style}</style></head><body>\n{body}\n{after}'
         "</body></html>\n"
     )
+
+
+def _figures(study: Study) -> Mapping[str, Callable[[], Any]]:
+    """The pictures of a study, and those of its residuals that every fit needs."""
+    fit = study.estimate
+    if study.draws_residuals or fit is None or len(fit.residuals) < FEW or not np.ptp(fit.residuals) > 0:
+        return study.figures
+    tests = import_module("gtmodel.inference.residuals")  # by name: results must not depend on gtmodel.inference
+    return {**study.figures, RESIDUALS: partial(tests.draw_fit, fit, study.title)}
 
 
 def _parts(study: Study, asked: Asked, result: str, drawings: Mapping[str, Drawing]) -> list[str]:
@@ -130,15 +144,16 @@ def _list(sentences: Sequence[str]) -> str:
 def _table(table: PageTable) -> str:
     used = [k for k, head in enumerate(table.heads) if any(str(row[k]) for row in table.rows)]
     top = "".join(f"<th>{escape(table.heads[k])}</th>" for k in used)
-    lines = ["<tr>" + "".join(_cell(row[k]) for k in used) + "</tr>" for row in table.rows]
+    numeric = {k for k in used if all(isinstance(row[k], (int, float)) for row in table.rows)}
+    lines = ["<tr>" + "".join(_cell(row[k], k in numeric) for k in used) + "</tr>" for row in table.rows]
     return f"<table><tr>{top}</tr>{''.join(lines)}</table>"
 
 
-def _cell(value: Any) -> str:
+def _cell(value: Any, right: bool = False) -> str:
     if isinstance(value, (bool, str)):
         return f"<td>{escape(number(value))}</td>"
     shown = re.sub(r"\b(nan|inf)\b", "none", number(value))
-    return f"<td{RIGHT if isinstance(value, (int, float)) else ''}>{escape(shown)}</td>"
+    return f"<td{RIGHT if right else ''}>{escape(shown)}</td>"
 
 
 def _keys(rows: Sequence[Sequence[str]]) -> list[Part]:
@@ -154,7 +169,13 @@ def _checks(checks: Mapping[str, Check]) -> list[str]:
         stem, unit = split(name)
         bound = bound_in_words(check) if check.compares else ""
         verdict = "passed" if check.passed else ": ".join(filter(None, ("FAILED", check.advice)))
-        cells = [_cell(stem.replace("_", " ")), _cell(float(check.value)), _cell(unit), _cell(bound), _cell(verdict)]
+        cells = [
+            _cell(stem.replace("_", " ")),
+            _cell(float(check.value), right=True),
+            _cell(unit),
+            _cell(bound),
+            _cell(verdict),
+        ]
         lines.append(f"{'<tr>' if check.passed else FAILED}{''.join(cells)}</tr>")
     return ["<h2>Checks</h2>", "".join(lines) + "</table>"]
 
