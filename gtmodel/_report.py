@@ -50,5 +50,6 @@ def _rows(values: Mapping[str, str], known: Mapping[str, Key]) -> Iterator[tuple
 def _remarks(content: bytes) -> list[str]:
     """Comments of the problem file that stand on lines of their own: what its author says about it."""
     lines = content.decode("utf-8-sig").splitlines()
-    remarks = [s[1:].strip() if s.startswith("#") and not re.match(r"#:schema|#.*\bproblems/", s) else "" for s in lines]
+    own = [s.startswith("#") and not re.match(r"#:schema|#.*\bproblems/", s) for s in lines]
+    remarks = [s[1:].strip() if kept else "" for s, kept in zip(lines, own, strict=True)]
     return [" ".join(block.split()) for block in re.split(r"\n\s*\n", "\n".join(remarks)) if block.strip()]

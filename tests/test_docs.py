@@ -33,7 +33,7 @@ MARKDOWN = [
     *CLONE.glob("problems/**/*.md"),
 ]
 LANGUAGES = {"python", "sh", "text", "toml", "xml", "c", "modelica", "matlab"} | {
-    f"{{{name}}}" for name in ("run", "problem", "keys", "gallery", "theses", "toctree", "include", "figure", "image")
+    f"{{{name}}}" for name in ("run", "problem", "keys", "gallery", "theses", "view", "toctree", "include", "figure", "image")
 }
 """Those that only show something, such as another tool's language, stand beside those that are run."""
 
