@@ -13,7 +13,7 @@ from gtmodel.problem_files.registry import get
 from gtmodel.results import ArgumentError, reading, written
 from gtmodel.results.read_bounds import toml_of
 
-SUFFIX = ".html"
+SUFFIX, GIF = ".html", ".gif"
 
 
 def write(what: str, out: Path | None, context: Context) -> Path:
@@ -21,7 +21,11 @@ def write(what: str, out: Path | None, context: Context) -> Path:
     place, is_result = Path(what), (Path(what) / written.RESULT).is_file()
     name = place.name if is_result else place.name.partition(":")[0].rpartition(".")[0] or place.name
     target = out or Path(f"{name}{SUFFIX}")
-    if target.exists() and view.MARK.encode() not in target.read_bytes()[: len(view.MARK) + 200]:
+    if (
+        target.exists()
+        and target.suffix != GIF
+        and view.MARK.encode() not in target.read_bytes()[: len(view.MARK) + 200]
+    ):
         raise InputError(f"-o {target} is there already and is no page of gtmodel view; name another file")
     try:
         scene = _of_result(place, context) if is_result else view.scene(robots.resolve(what, context), title=name)

@@ -296,7 +296,8 @@ def view(
         typer.Argument(metavar="ROBOT|RESULT", help="Robot, as after robot = in a problem file; or folder of --out."),
     ],
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="FILE.html", help="Page to write; NAME.html if left out.")
+        Path | None,
+        typer.Option("-o", "--out", metavar="FILE.html", help="Page to write, or .gif; NAME.html if left out."),
     ] = None,
 ) -> None:
     """Write a page with the robot in space: with its motion from a result, or with each drive moved to and fro.
@@ -310,6 +311,25 @@ def view(
 
         path = _view.write(what, out, Context(notice=lambda sentence: print(sentence, file=sys.stderr)))
     print(f"wrote {path}")
+
+
+@app.command()
+def watch(
+    context: typer.Context,
+    problem: Problem,
+    settings: Set = None,
+    port: Annotated[int, typer.Option(metavar="N", min=0, max=65535, help="Port of the page; 0 for a free one.")] = 0,
+) -> None:
+    """Solve a problem again whenever its file changes, and show its report in a browser on this machine.
+
+    The page reloads by itself. Ctrl-C ends.
+    """
+    with answering(context, False, problem):
+        from gtmodel import _watch
+        from gtmodel.problem_files.load import refuse_twice
+
+        refuse_twice(settings or ())
+        _watch.watch(problem, settings or (), port, lambda sentence: print(sentence, flush=True))
 
 
 @app.command()

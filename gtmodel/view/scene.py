@@ -119,10 +119,14 @@ class RobotScene:
         )
 
     def write(self, path: str | Path) -> Path:
-        """Write the page into a file, also over an older one, and return its path. Raises ArgumentError."""
+        """Write the page into a file, or an animated picture if the name ends in .gif, also over an older one, and
+        return the path. Raises ArgumentError."""
+        from .gif import gif  # here: a page needs no Pillow
+
         place = path_of(path)
+        content = gif(self) if place.suffix == ".gif" else self.html().encode()
         try:
-            write_whole(place, self.html().encode(), overwrite=True)
+            write_whole(place, content, overwrite=True)
         except OSError as error:
             raise ArgumentError(f"{place} cannot be written: {error.strerror}", "path") from error
         return place

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import shutil
@@ -15,6 +16,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.view import RobotScene, VisiblePart
+from gtmodel.view.gif import gif
 from tests.support.commands import Commands
 from tests.support.pages import read
 
@@ -106,6 +108,19 @@ def test_a_page_asks_nothing_of_a_network_and_is_small() -> None:
     assert read(page).asked == [] and "http" not in page and len(page.encode()) < LARGEST
     assert decoded(page)[0]["title"] == "</script> & <b>"
     assert 'srcdoc="' in gt.view.scene(robot, motion)._repr_html_()
+
+
+def test_a_motion_as_an_animated_picture() -> None:
+    from PIL import Image
+
+    scene = gt.view.scene(*l1())
+    content = gif(scene, width=160, height=120)
+    assert content == gif(scene, width=160, height=120)
+    with Image.open(io.BytesIO(content)) as picture:
+        assert picture.n_frames == 41 and picture.info["duration"] == 50  # 2 s
+        first = np.asarray(picture.convert("RGB"))
+        picture.seek(40)
+        assert np.mean(first != np.asarray(picture.convert("RGB"))) > 0.005
 
 
 def test_what_is_wrong_is_refused() -> None:
