@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from gtmodel import view
+from gtmodel._report import refuse_another
 from gtmodel.problem_files import robots
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.load import validate
@@ -21,12 +22,8 @@ def write(what: str, out: Path | None, context: Context) -> Path:
     place, is_result = Path(what), (Path(what) / written.RESULT).is_file()
     name = place.name if is_result else place.name.partition(":")[0].rpartition(".")[0] or place.name
     target = out or Path(f"{name}{SUFFIX}")
-    if (
-        target.exists()
-        and target.suffix != GIF
-        and view.MARK.encode() not in target.read_bytes()[: len(view.MARK) + 200]
-    ):
-        raise InputError(f"-o {target} is there already and is no page of gtmodel view; name another file")
+    if target.suffix != GIF:
+        refuse_another(target, "-o")
     try:
         scene = _of_result(place, context) if is_result else view.scene(robots.resolve(what, context), title=name)
         return scene.write(target)

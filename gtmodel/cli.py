@@ -445,6 +445,9 @@ def codegen(
         str | None,
         typer.Option("--fmu", metavar="3|2|both", help="Write functional mock-up units of FMI 3.0, 2.0 or both."),
     ] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE.html", help="Write one page about the code and its checks.")
+    ] = None,
     settings: Set = None,
     as_json: Json = False,
     write_failed: WriteFailed = False,
@@ -454,13 +457,21 @@ def codegen(
     from gtmodel.problem_files import run
 
     with answering(context, as_json, problem) as answer:
+        from gtmodel import _report
+
         answer.brief = True
         loaded = _load(problem, settings, answer)
         job = run.context_of(loaded)
+        if report is not None:
+            _report.refuse_another(report, "--report")
         with terminal.watching(job, "stopping after this step", quiet=quiet):
             answer.finished = run.generate(
                 loaded, job, out, verify=check or costs, write_failed=write_failed, fmu=fmu, costs=costs
             )
+        if report is not None:
+            words = ["-o", out.name, *["--check"] * check, *["--costs"] * costs, *(["--fmu", fmu] if fmu else [])]
+            about = _report.asked(loaded, job, [*words, "--report", report.name], "codegen")
+            answer.finished.files.append(_report.write(report, answer.finished.outcome, about))
 
 
 @app.command()

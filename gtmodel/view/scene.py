@@ -18,9 +18,9 @@ import numpy as np
 
 from ..results import ArgumentError, Trajectory
 from ..results.disk import path_of, write_whole
+from ..results.page.page import MARK
 
 Shape = Literal["bar", "joint", "cart", "face", "guideway", "path", "axes"]
-MARK = '<meta name="generator" content="gtmodel view">'
 DIGITS = 7  # of a coordinate behind the point: 0.1 um
 SIGNIFICANT = 6  # digits of a signal
 FIRST = ("N", "N.m", "m", "rad", "m/s", "rad/s")  # units whose signals are shown first

@@ -30,3 +30,14 @@ def test_a_report_says_what_the_command_says(kind: str, tmp_path: Path, capsys: 
     assert f"gtmodel solve {name}.toml" in " ".join(seen) and str(tmp_path) not in text
     checks = sum(tag == "td" and words.startswith(("passed", "FAILED")) for tag, words in read(text).texts)
     assert checks == len(done.json["checks"])
+
+
+def test_generated_code_has_a_report_of_its_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    gtmodel, file = Commands(capsys), tmp_path / "code.html"
+    words = ("codegen", "l1_controller", "-o", str(tmp_path / "code"), "--report", str(file))
+    assert gtmodel(*words).code == 0
+    text = file.read_text()
+    assert faults_of(text) == [] and "gt_l1_fk" in text
+    assert "gtmodel codegen l1_controller.toml -o code --report code.html" in [words for _, words in read(text).texts]
+    file.write_text("mine")
+    assert gtmodel(*words).code == 2 and file.read_text() == "mine"

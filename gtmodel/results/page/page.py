@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ..study import Study
 
 REPORT = "report.html"
+MARK = '<meta name="generator" content="gtmodel">'
 LARGEST = 2_000_000  # bytes of a page, which is sent by mail
 LONGEST = 240  # characters of a value in a table of keys
 RIGHT, FAILED = ' class="n"', '<tr class="failed">'
@@ -77,7 +78,7 @@ def page(study: Study, asked: Asked | None = None, result: str = "") -> str:
         parts = _parts(study, asked, result, drawings)
     title = escape(study.title or asked.title or type(study).__name__)
     style, script = (Path(__file__).with_name(name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
-    head = f'<meta charset="utf-8"><title>{title}</title><meta name="viewport" content="width=device-width">'
+    head = f'{MARK}<meta charset="utf-8"><title>{title}</title><meta name="viewport" content="width=device-width">'
     body = "\n".join([f"<h1>{title}</h1>", *parts])
     after = f"<script>\n{script}</script>" if drawings else ""
     return (
