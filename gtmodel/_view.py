@@ -41,4 +41,6 @@ def _of_result(folder: Path, context: Context) -> view.RobotScene:
     motion = reading.read(folder).trajectory
     if motion is None or not hasattr(problem, "model"):
         raise InputError(f"'{run['problem']['kind']}' has no motion of a robot; name a robot, or another result")
-    return view.scene(problem.model(context), motion, title=problem.title or motion.title)
+    force = getattr(getattr(problem, "limits", None), "force_N", None)
+    limits = {} if force is None else {"tau": (-force, force)}
+    return view.scene(problem.model(context), motion, limits=limits, title=problem.title or motion.title)

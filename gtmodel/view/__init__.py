@@ -12,6 +12,6 @@ from .._lazy import public
 
 if TYPE_CHECKING:
     from .robot import points_of as points_of, scene as scene
-    from .scene import RobotScene as RobotScene, VisiblePart as VisiblePart
+    from .space import RobotScene as RobotScene, VisiblePart as VisiblePart
 
 public(__name__)

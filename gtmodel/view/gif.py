@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from .scene import RobotScene
+    from .space import RobotScene
 
 Array = np.ndarray
 # colour, and radius in sizes of the robot; as in view.js
@@ -33,8 +33,8 @@ def gif(scene: RobotScene, *, width: int = 640, height: int = 480, rate: float =
     count = max(1, round((times[-1] - times[0]) / speed * rate) + 1)
     shown = np.linspace(times[0], times[-1], count)
     camera = _Camera(scene, FINER * width, FINER * height)
-    palette = Image.ADAPTIVE if not hasattr(Image, "Palette") else Image.Palette.ADAPTIVE
-    pictures = [camera.picture(t).resize((width, height)).convert("P", palette=palette, colors=64) for t in shown]
+    drawn = (camera.picture(t).resize((width, height)) for t in shown)
+    pictures = [picture.convert("P", palette=Image.Palette.ADAPTIVE, colors=64) for picture in drawn]
     buffer = io.BytesIO()
     duration = min(LONGEST, round(1e3 / rate))
     pictures[0].save(buffer, "GIF", save_all=True, append_images=pictures[1:], duration=duration, loop=0, disposal=2)

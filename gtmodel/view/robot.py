@@ -12,7 +12,7 @@ import numpy as np
 from ..compiler.causal import CausalFunction, compile_causal, flat_of
 from ..lang import Model, ModelError
 from ..results import ArgumentError, Status, Trajectory
-from .scene import RobotScene, VisiblePart
+from .space import RobotScene, VisiblePart
 
 Array = np.ndarray
 # Okabe-Ito, which colour-blind readers tell apart; the same as in gtmodel.plot.style, which needs matplotlib
@@ -144,8 +144,9 @@ def _home(robot: Model, targets: Sequence[str]) -> tuple[str, Array] | None:
             q, status = inverse(point)
             tries = [*([np.asarray(q)] if status == Status.OK else []), *tries]
         function = _compiled(robot, ("q",), targets)
-        for q in tries if function is not None else ():
-            if function(q)[-1] == Status.OK:
+        if function is not None:
+            good = (q for q in tries if function(q)[-1] == Status.OK)
+            if (q := next(good, None)) is not None:
                 return "q", q
     if point.shape == (3,) and _compiled(robot, ("T",), targets) is not None:
         return "T", point
@@ -199,7 +200,7 @@ def _parts(flat: Any, points: Mapping[str, Array], one_of: Mapping[str, str]) ->
         yield VisiblePart("joint", (point,), point)
 
 
-def _around(names: Sequence[str], points: Mapping[str, Array]) -> list[str]:
+def _around(names: list[str], points: Mapping[str, Array]) -> list[str]:
     """The points of a plate in the order of its outline."""
     first = np.array([points[n][0] for n in names])
     centred = first - first.mean(axis=0)

@@ -154,13 +154,14 @@ for (const { name, unit, values, limits } of scene.signals) {
   let [bottom, top] = [Math.min(...all), Math.max(...all)];
   if (!(top - bottom > 1e-12 * Math.max(1, Math.abs(top)))) [bottom, top] = [bottom - 1, top + 1];
   [bottom, top] = [bottom - 0.06 * (top - bottom), top + 0.06 * (top - bottom)];
-  const left = 48, label = (v) => Number(v.toPrecision(3));
+  const left = 48, label = (v) => (Math.abs(v) < 1e-3 * (top - bottom) ? 0 : Number(v.toPrecision(3)));
+  const shown = values.slice(0, 6), head = shown.length > 3 ? 32 : 18; // many values stand below the name
   charts.push(() => {
-    const g = sized(c), [w, h] = [c.clientWidth, c.clientHeight - 4], head = 18;
+    const g = sized(c), [w, h] = [c.clientWidth, c.clientHeight - 4];
     const x = (t) => left + (t - time[0]) / (time.at(-1) - time[0] || 1) * (w - left - 6), y = (v) => head + (top - v) / (top - bottom) * (h - head);
     g.clearRect(0, 0, w, h + 4);
     g.strokeStyle = "#ccc"; g.lineWidth = 1; g.strokeRect(left, head, w - left - 6, h - head);
-    g.font = "12px sans-serif"; g.fillStyle = "#222"; g.textAlign = "left"; g.fillText(`${name} [${unit}]`, left, 12);
+    g.font = "12px sans-serif"; g.fillStyle = "#222"; g.textAlign = "left"; g.fillText(unit === "1" ? name : `${name} [${unit}]`, left, 12);
     g.textAlign = "right"; g.fillStyle = "#555"; for (const v of [bottom, (bottom + top) / 2, top]) g.fillText(label(v), left - 4, Math.min(Math.max(y(v) + 4, head + 8), h));
     g.setLineDash([3, 3]); for (const v of limits ?? []) line(g, [left, y(v)], [w - 6, y(v)], 1, "#777"); g.setLineDash([]);
     values.forEach((row, k) => {
@@ -169,7 +170,7 @@ for (const { name, unit, values, limits } of scene.signals) {
     });
     g.setLineDash([]); line(g, [x(timeAt(frame)), head], [x(timeAt(frame)), h], 1, "#000");
     const n = Math.round(frame); g.textAlign = "right";
-    values.slice(0, 6).forEach((row, k) => { g.fillStyle = COLOURS[k % COLOURS.length]; g.fillText(label(row[n]), w - 6 - (Math.min(values.length, 6) - 1 - k) * 46, 12); });
+    shown.forEach((row, k) => { g.fillStyle = COLOURS[k]; g.fillText(label(row[n]), w - 6 - (shown.length - 1 - k) * 46, head - 6); });
   });
   c.addEventListener("pointerdown", (e) => { frame = frameAt(time[0] + (e.offsetX - left) / (c.clientWidth - left - 6) * (time.at(-1) - time[0])); draw(); });
 }

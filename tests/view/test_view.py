@@ -117,7 +117,7 @@ def test_a_motion_as_an_animated_picture() -> None:
     content = gif(scene, width=160, height=120)
     assert content == gif(scene, width=160, height=120)
     with Image.open(io.BytesIO(content)) as picture:
-        assert picture.n_frames == 41 and picture.info["duration"] == 50  # 2 s
+        assert getattr(picture, "n_frames", 1) == 41 and picture.info["duration"] == 50  # 2 s
         first = np.asarray(picture.convert("RGB"))
         picture.seek(40)
         assert np.mean(first != np.asarray(picture.convert("RGB"))) > 0.005
