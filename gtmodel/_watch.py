@@ -28,7 +28,7 @@ _RELOAD = (
 )
 
 
-class Watched:
+class FollowedProblem:
     """The report of a problem, solved again by `look` if a file has changed since the last time."""
 
     def __init__(self, problem: str, settings: Sequence[str] = ()) -> None:
@@ -60,7 +60,7 @@ class Watched:
 
 
 @contextmanager
-def serving(watched: Watched, port: int = 0) -> Iterator[str]:
+def serving(watched: FollowedProblem, port: int = 0) -> Iterator[str]:
     """Serve the report on this machine inside the block; yields its address. Raises OSError if the port is taken."""
 
     class Handler(BaseHTTPRequestHandler):
@@ -90,7 +90,7 @@ def serving(watched: Watched, port: int = 0) -> Iterator[str]:
 
 def watch(problem: str, settings: Sequence[str], port: int, tell: Callable[[str], object]) -> None:
     """Solve, serve and look again until Ctrl-C. Raises InputError if there is no such problem."""
-    watched = Watched(problem, settings)
+    watched = FollowedProblem(problem, settings)
     tell(watched.look())
     with serving(watched, port) as address:
         tell(f"{address} shows the report and follows the file; Ctrl-C ends")

@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from gtmodel._watch import HERE, Watched, serving
+from gtmodel._watch import HERE, FollowedProblem, serving
 from gtmodel.problem_files.base import InputError
 
 PROBLEM = Path(__file__).resolve().parents[1] / "problems" / "table_6_1.toml"
@@ -26,7 +26,7 @@ def asked(address: str, path: str = "/", host: str = "") -> tuple[int, str]:
 def test_the_report_follows_the_file(tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
     shutil.copy(PROBLEM, file)
-    watched = Watched(str(file))
+    watched = FollowedProblem(str(file))
     assert watched.look().startswith("solved") and watched.look() == ""
     with serving(watched) as address:
         assert address.startswith(f"http://{HERE}:")
@@ -43,4 +43,4 @@ def test_the_report_follows_the_file(tmp_path: Path) -> None:
 
 def test_a_problem_that_is_not_there_is_refused() -> None:
     with pytest.raises(InputError):
-        Watched("nowhere.toml").look()
+        FollowedProblem("nowhere.toml").look()

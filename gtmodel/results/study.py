@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from .page.page import Sections
 else:
     Figure = hint("matplotlib.figure", "Figure")
+    Sections = hint("gtmodel.results.page.page", "Sections")
 
 
 def to_inherit(cls: type[S]) -> type[S]:

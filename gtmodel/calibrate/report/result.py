@@ -8,10 +8,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
+from ..._lazy import hint
 from ...results import ArgumentError, Quantity, Row, Study
 
 if TYPE_CHECKING:
     from ...results.page.page import Sections
+else:
+    Sections = hint("gtmodel.results.page.page", "Sections")
 
 WORST_ROWS = 5
 SHOWN_WEAK = 3

@@ -101,8 +101,8 @@ def _parts(study: Study, asked: Asked, result: str, drawings: Mapping[str, Drawi
     return [
         *_verdict(study, [value for label, value, _ in rows if label == VERDICT]),
         *_section("What was asked", [asked.what, *asked.remarks, *_keys(asked.keys)]),
-        *_section("Result", [PageTable(("quantity", "value", "unit"), [r for r in rows if r[0] != VERDICT])]),
         *_checks(study.checks),
+        *_section("Result", [PageTable(("quantity", "value", "unit"), [r for r in rows if r[0] != VERDICT])]),
         *_section("Notes", [list(study.notes)] if study.notes else []),
         *_pictures(study, drawings),
         *(line for heading, content in study.sections.items() for line in _section(heading, content)),
