@@ -57,6 +57,8 @@ def scene(
     points, one_of = _distinct(points)
     size = _size(points)
     parts = [*_parts(flat, points, one_of), *_guideways(flat, points, one_of, size)]
+    if not parts:
+        raise ArgumentError(f"no component of {type(robot).__name__} joins two points", "robot")
     tool = one_of[tools[0]] if tools else ""
     if tool:
         parts.append(VisiblePart("path", (tool,), "path of the tool centre point"))
@@ -71,12 +73,14 @@ def scene(
 
 
 def points_of(robot: Model) -> list[str]:
-    """Return the names of the positions of points and frames in the components of a model, (3,) [m].
+    """Return the names of the positions of points and frames in the components of a model, (3,) [m]; none if there is
+    one at most.
 
     >>> gt.view.points_of(gt.mechanics.UniformRod(L=1.0, m=1.0))
     ['a.r', 'b.r']
     """
-    return [n for n, (shape, _) in flat_of(robot).groups.items() if n.endswith(".r") and shape == (3,)]
+    points = [n for n, (shape, _) in flat_of(robot).groups.items() if n.endswith(".r") and shape == (3,)]
+    return points if len(points) > 1 else []
 
 
 def _poses(robot: Model, targets: Sequence[str], motion: Trajectory | None) -> tuple[Array, list[Array], Any]:
@@ -110,46 +114,45 @@ def _compiled(robot: Model, known: Sequence[str], targets: Sequence[str]) -> Cau
 
 def _to_and_fro(robot: Model, targets: Sequence[str]) -> tuple[Array, list[Array]]:
     """The home pose, and each drive in turn moved to and fro, as far as the robot reaches."""
-    flat = flat_of(robot)
-    home = _home(robot, targets)
+    flat, home = flat_of(robot), _home(robot, targets)
     if home is None:
         raise ArgumentError(f"no home pose of {type(robot).__name__} is known; pass a motion with q", "robot")
-    known, start = home
-    function = _compiled(robot, (known,), targets)
-    assert function is not None
-    *at_home, _ = function(start)
+    start, function = home
+    (moved, first), *others = start.items()
+    *at_home, _ = function(*start.values())
     size = _size({str(k): np.asarray(v)[None] for k, v in enumerate(at_home) if np.shape(v) == (3,)})
     shift = np.sin(2 * np.pi * np.arange(PER_DRIVE) / PER_DRIVE)
-    moves = [start[None]]
-    for k, index in enumerate(flat.groups[known][1]):
+    moves = [first[None]]
+    for k, index in enumerate(flat.groups[moved][1]):
         far = TRAVEL * size if flat.variables[index].unit == "m" else TURN
-        moves.append(start + np.outer(far * shift, np.eye(len(start))[k]))
-    rows = np.vstack([*moves, start])
-    *values, status = function(rows)
+        moves.append(first + np.outer(far * shift, np.eye(len(first))[k]))
+    rows = np.vstack([*moves, first])
+    *values, status = function(rows, *(np.repeat([value], len(rows), axis=0) for _, value in others))
     good = np.asarray(status) == Status.OK
     time = PERIOD / PER_DRIVE * np.arange(int(good.sum()))
     return time, [np.asarray(v)[good] for v in values]
 
 
-def _home(robot: Model, targets: Sequence[str]) -> tuple[str, Array] | None:
-    """What determines the home pose, and its value there."""
-    flat = flat_of(robot)
+def _home(robot: Model, targets: Sequence[str]) -> tuple[dict[str, Array], CausalFunction] | None:
+    """What determines the home pose, with its values, and the function of it."""
+    flat, starts = flat_of(robot), dict[str, Array]()
+    for name in ("q", "T", "e", "R"):
+        shape, indices = flat.groups.get(name, ((), []))
+        known = [flat.variables[k].start for k in indices]
+        if known and (name == "q" or None not in known):
+            starts[name] = np.array([x or 0.0 for x in known]).reshape(shape)
     point = np.asarray(getattr(robot, "home", ()), float)
-    if "q" in flat.groups:
-        starts = [flat.variables[k].start for k in flat.groups["q"][1]]
-        known = [0.0 if s is None else float(s) for s in starts]
-        tries = [np.array(known)] if any(known) or point.shape != (3,) else []
-        inverse = _compiled(robot, ("T",), ("q",)) if point.shape == (3,) and "T" in flat.groups else None
-        if inverse is not None:
-            q, status = inverse(point)
-            tries = [*([np.asarray(q)] if status == Status.OK else []), *tries]
-        function = _compiled(robot, ("q",), targets)
-        if function is not None:
-            good = (q for q in tries if function(q)[-1] == Status.OK)
-            if (q := next(good, None)) is not None:
-                return "q", q
-    if point.shape == (3,) and _compiled(robot, ("T",), targets) is not None:
-        return "T", point
+    if point.shape == (3,) and "T" in flat.groups:
+        starts["T"] = point
+        # a home that is a point tells q better than starts that nobody set
+        inverse = _compiled(robot, ("T",), ("q",)) if "q" in starts and not starts["q"].any() else None
+        if inverse is not None and (q := inverse(point))[1] == Status.OK:
+            starts["q"] = np.asarray(q[0])
+    for known in KNOWN:
+        if set(known) <= set(starts) and (function := _compiled(robot, known, targets)) is not None:
+            values = {name: starts[name] for name in known}
+            if function(*values.values())[-1] == Status.OK:
+                return values, function
     return None
 
 
