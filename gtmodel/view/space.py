@@ -49,10 +49,11 @@ class RobotScene:
     Args:
         points: by name, (n, 3) at each time or (3,) if it stands still [m].
         parts: what is drawn.
-        time: (n,) [s]; one time for a scene that stands still.
+        time: (n,) [s]; one time for a scene that stands still; or numbers of separate poses, see `unit`.
         signals: shown beside the scene, at the same times.
         limits: (low, high) of signals by name, in the unit of the signal.
         title: of the page.
+        unit: "s"; of separate poses what they are, such as "mode": the page then steps from one to the next.
 
     Raises ArgumentError for a part with an unknown point, and for points with another number of times.
 
@@ -68,6 +69,7 @@ class RobotScene:
     signals: Trajectory | None = None
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     title: str = ""
+    unit: str = "s"
 
     def __post_init__(self) -> None:
         count = len(np.atleast_1d(self.time))
@@ -89,6 +91,7 @@ class RobotScene:
         names = list(self.points)
         return {
             "title": self.title,
+            "unit": self.unit,
             "time": _rounded(np.atleast_1d(self.time)),
             "points": {name: _rounded(self.points[name]) for name in names},
             "parts": [[p.shape, [names.index(n) for n in p.points], p.name, p.colour] for p in self.parts],

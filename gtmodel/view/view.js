@@ -8,6 +8,7 @@ const LOOK = {
   guideway: ["#b0b0b0", 0.005], path: ["#d55e00", 0.002], axes: ["", 0.004],
 };
 const AXES = ["#d55e00", "#009e73", "#0072b2"];
+const moving = scene.unit === "s"; // or separate poses, a second each when played
 let frame = 0; // between two instants it has a fraction
 
 const add = (a, b) => a.map((x, k) => x + b[k]), scaled = (a, s) => a.map((x) => x * s);
@@ -141,7 +142,7 @@ const draw = () => {
   drawFloor(g);
   for (const [, paint] of drawn()) paint(g);
   charts.forEach((chart) => chart());
-  if (slider) { slider.value = frame; shown.textContent = `${timeAt(frame).toFixed(3)} s`; }
+  if (slider) { slider.value = frame; shown.textContent = moving ? `${timeAt(frame).toFixed(3)} s` : `${scene.unit} ${timeAt(frame)} of ${time.length}`; }
 };
 
 // signals beside the scene
@@ -181,7 +182,8 @@ const last_frame = time.length - 1;
 const play = (on) => { playing = on; button.textContent = on ? "pause" : "play"; last = performance.now(); if (on) { if (frame >= last_frame) frame = 0; requestAnimationFrame(tick); } };
 const tick = (now) => {
   if (!playing) return;
-  const t = timeAt(frame) + (now - last) / 1000 * Number(speed.value);
+  if (!moving && now - last < 1000 / Number(speed.value)) return requestAnimationFrame(tick);
+  const t = moving ? timeAt(frame) + (now - last) / 1000 * Number(speed.value) : time[Math.min(Math.floor(frame) + 1, last_frame)];
   last = now; frame = t >= time.at(-1) ? last_frame : frameAt(t);
   draw();
   if (frame >= last_frame) play(false); else requestAnimationFrame(tick);
@@ -190,7 +192,7 @@ let button = null, speed = null;
 if (last_frame > 0) {
   const bar = make("div", document.body, { className: "bar" });
   button = make("button", bar, { textContent: "play", onclick: () => play(!playing) });
-  slider = make("input", bar, { type: "range", min: 0, max: last_frame, step: "any", value: 0 });
+  slider = make("input", bar, { type: "range", min: 0, max: last_frame, step: moving ? "any" : 1, value: 0 });
   slider.setAttribute("aria-label", "time");
   slider.oninput = () => { play(false); frame = Number(slider.value); draw(); };
   shown = make("output", bar);
