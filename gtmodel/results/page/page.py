@@ -29,7 +29,7 @@ LARGEST = 2_000_000  # bytes of a page, which is sent by mail
 LONGEST = 240  # characters of a value in a table of keys
 RIGHT, FAILED = ' class="n"', '<tr class="failed">'
 RESIDUALS, FEW = "residuals_of_the_fit", 12  # fewer residuals show no distribution
-VERDICT = "verdict"  # label of rows that belong to the verdict
+VERDICT, ASSUMED = "verdict", "assumed"  # labels of rows that belong to other sections
 
 
 @dataclass(frozen=True)
@@ -98,15 +98,16 @@ def _figures(study: Study) -> Mapping[str, Callable[[], Any]]:
 
 def _parts(study: Study, asked: Asked, result: str, drawings: Mapping[str, Drawing]) -> list[str]:
     rows = quantity_rows(study)
+    numbers = [row for row in rows if row[0] not in (VERDICT, ASSUMED)]
     return [
         *_verdict(study, [value for label, value, _ in rows if label == VERDICT]),
         *_section("What was asked", [asked.what, *asked.remarks, *_keys(asked.keys)]),
         *_checks(study.checks),
-        *_section("Result", [PageTable(("quantity", "value", "unit"), [r for r in rows if r[0] != VERDICT])]),
+        *_section("Result", [PageTable(("quantity", "value", "unit"), numbers)]),
         *_section("Notes", [list(study.notes)] if study.notes else []),
         *_pictures(study, drawings),
         *(line for heading, content in study.sections.items() for line in _section(heading, content)),
-        *_assumed(asked),
+        *_assumed(asked, [value for label, value, _ in rows if label == ASSUMED]),
         *_section("Versions and files", [PageTable(("what", "", "sha256"), _origin(asked, result))]),
         *_again(asked),
     ]
@@ -197,12 +198,13 @@ def _pictures(study: Study, drawings: Mapping[str, Drawing]) -> list[str]:
     return lines
 
 
-def _assumed(asked: Asked) -> list[str]:
-    if not asked.defaults:
-        return []
-    table = "".join(map(_part, _keys(asked.defaults)))
-    count = f"{len(asked.defaults)} keys that the problem does not set have their defaults."
-    return ["<h2>What is assumed</h2>", f"<details><summary>{count}</summary>{table}</details>"]
+def _assumed(asked: Asked, sentences: list[str]) -> list[str]:
+    lines = [_list(sentences)] if sentences else []
+    if asked.defaults:
+        table = "".join(map(_part, _keys(asked.defaults)))
+        count = f"{len(asked.defaults)} keys that the problem does not set have their defaults."
+        lines.append(f"<details><summary>{count}</summary>{table}</details>")
+    return ["<h2>What is assumed</h2>", *lines] if lines else []
 
 
 def _again(asked: Asked) -> list[str]:
