@@ -90,7 +90,7 @@ def write(study: Study, folder: Path, *, plot: bool, report: bool, write_failed:
         faults += reported(study, files) if report else []
         paths = put(target, files, lambda files: record({}, None, files))
     if faults:
-        raise ArgumentError(faults[0], "plot")
+        raise ArgumentError(faults[0], "plot" if plot else "report")
     return paths
 
 
