@@ -135,7 +135,8 @@ class RobotScene:
         return place
 
     def _repr_html_(self) -> str:
-        return f'<iframe style="width:100%;height:640px;border:0" srcdoc="{escape(self.html())}"></iframe>'
+        style = "width:100%;height:640px;border:0"
+        return f'<iframe sandbox="allow-scripts" style="{style}" srcdoc="{escape(self.html())}"></iframe>'
 
 
 def _rounded(values: Any) -> Any:

@@ -108,3 +108,12 @@ def test_the_residuals_of_a_fit_are_tested_in_pictures() -> None:
     (drawn,) = drawn_in(page(study))
     labels = [axis[3] for panel in drawn.panels for axis in (panel["x"], panel["y"])]
     assert {"normal quantile [1]", "autocorrelation [1]", "lag [1]"} <= set(labels) and len(drawn.panels) == 4
+
+
+def test_a_motion_is_played_within_the_page() -> None:
+    def beyond() -> gt.view.RobotScene:
+        raise gt.results.ArgumentError("beyond the reach", "motion")
+
+    bar = gt.view.RobotScene({"a": [0.0, 0.0, 0.0], "b": [1.0, 0.0, 0.0]}, [gt.view.VisiblePart("bar", ("a", "b"))])
+    text = page(Study(status=SolveStatus.SOLVED, scenes={"motion": lambda: bar, "other": beyond}))
+    assert text.count("<iframe") == 1 and "Not drawn: beyond the reach." in text and faults_of(text) == []

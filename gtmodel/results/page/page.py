@@ -16,6 +16,7 @@ import numpy as np
 
 from ..check import Check, bound_in_words
 from ..quantity import split
+from ..refusal import ArgumentError
 from ..table import number, quantity_rows
 from ..versions import versions
 from .drawing import Drawing, drawing_of
@@ -106,6 +107,7 @@ def _parts(study: Study, asked: Asked, result: str, drawings: Mapping[str, Drawi
         *_section("Result", [PageTable(("quantity", "value", "unit"), numbers)]),
         *_section("Notes", [list(study.notes)] if study.notes else []),
         *_pictures(study, drawings),
+        *_in_space(study),
         *(line for heading, content in study.sections.items() for line in _section(heading, content)),
         *_assumed(asked, [value for label, value, _ in rows if label == ASSUMED]),
         *_section("Versions and files", [PageTable(("what", "", "sha256"), _origin(asked, result))]),
@@ -195,6 +197,17 @@ def _pictures(study: Study, drawings: Mapping[str, Drawing]) -> list[str]:
     if drawings:
         how = "A value: move the pointer over a curve. Zoom: the buttons, or + and - once the picture is selected."
         lines.append(f'<p class="read">{how}</p>')
+    return lines
+
+
+def _in_space(study: Study) -> list[str]:
+    """The robot with its motion, to be turned and played within the page."""
+    lines = ["<h2>In space</h2>"] if study.scenes else []
+    for make in study.scenes.values():
+        try:
+            lines.append(make()._repr_html_())
+        except ArgumentError as error:  # such as a motion beyond the reach, which a failed check reports
+            lines.append(_part(f"Not drawn: {error.message}."))
     return lines
 
 
