@@ -65,11 +65,7 @@ def faults_of(page: str) -> list[str]:
     faults = [f"{name} is asked of a network" for name in seen.asked]
     faults += [f"the id {name} stands {n} times" for name, n in seen.ids.items() if n > 1]
     cells = [text for tag, text in seen.texts if tag == "td"]
-    faults += [
-        f"a cell holds {text}"
-        for text in cells
-        if re.fullmatch(r"(nan|None|-?inf|[\d.e+-]+|, )*(nan|None|inf)(, .*)?", text)
-    ]
+    faults += [f"a cell holds {text}" for text in cells if {"nan", "None", "inf", "-inf"} & set(text.split(", "))]
     faults += ["the page is too large"] if len(page.encode()) > LARGEST else []
     for k, drawn in enumerate(drawn_in(page)):
         if not [*drawn.svg.iter(f"{SVG}path"), *drawn.svg.iter(f"{SVG}image")]:
