@@ -49,6 +49,7 @@ if TYPE_CHECKING:
         simulation as simulation,
         sweep as sweep,
         vibration as vibration,
+        view as view,
         vision as vision,
         workers as workers,
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -219,6 +220,9 @@ def solve(
     ] = None,
     as_json: Json = False,
     plot: Annotated[bool, typer.Option("--plot", help="Draw pictures; into ./NAME-result without --out.")] = False,
+    report: Annotated[
+        bool, typer.Option("--report", help="Write report.html, one page to send; into ./NAME-result without --out.")
+    ] = False,
     max_seconds: Annotated[
         float | None, typer.Option(metavar="S", help="Time limit; the best iterate is kept.")
     ] = None,
@@ -240,13 +244,92 @@ def solve(
     with answering(context, as_json, problem) as answer:
         loaded = _load(problem, settings, answer)
         job = run.context_of(loaded, max_seconds=max_seconds, start=start)
-        folder = out or (Path(f"{job.name}-result") if plot else None)
+        folder = out or (Path(f"{job.name}-result") if plot or report else None)
+        page = partial(_asked, loaded, job, ["--write-failed"] * write_failed) if report else None
         with terminal.watching(job, quiet=quiet), _crew.crew_of(workers, cluster) as crew:
-            answer.finished = run.solve(loaded, job, out=folder, plot=plot, write_failed=write_failed)
+            answer.finished = run.solve(loaded, job, out=folder, plot=plot, write_failed=write_failed, asked=page)
         if (workers or cluster) and not crew.used:
             print(f"{problem}: this problem has no independent rows; the workers were not used", file=sys.stderr)
         if plot and not answer.finished.outcome.figures:
             print(f"{problem}: this result has no picture", file=sys.stderr)
+
+
+def _beginnings(prefix: str) -> list[str]:
+    from gtmodel.problem_files.files import shipped_names
+
+    return [n for n in ("model", "robot", *_kinds(""), *shipped_names()) if n.startswith(prefix)]
+
+
+@app.command()
+def new(
+    context: typer.Context,
+    what: Annotated[
+        str,
+        typer.Argument(
+            metavar="KIND|PROBLEM|MODEL|ROBOT", autocompletion=_beginnings,
+            help="Kind, see gtmodel schema; shipped problem, see gtmodel list; or the word model or robot.",
+        ),
+    ],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the new file, without ending.")],
+    log: Annotated[
+        Path | None, typer.Option("--from", metavar="LOG", help="Recording of a calibration: its columns and units.")
+    ] = None,
+) -> None:  # fmt: skip
+    """Write a commented file to begin with, which works unchanged, and the files that it needs.
+
+    It has a description for each key. The word model stands for a model in Python, with a problem that simulates it.
+    """
+    with answering(context, False, what):
+        from gtmodel import _new
+
+        paths, command = _new.write(what, name, log)
+    for path in paths:
+        print(f"wrote {path}")
+    print(f"\ntry: {command}")
+
+
+@app.command()
+def view(
+    context: typer.Context,
+    what: Annotated[
+        str,
+        typer.Argument(metavar="ROBOT|RESULT", help="Robot, as after robot = in a problem file; or folder of --out."),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", metavar="FILE.html", help="Page to write, or .gif; NAME.html if left out."),
+    ] = None,
+) -> None:
+    """Write a page with the robot in space: with its motion from a result, or with each drive moved to and fro.
+
+    The page is one file that needs no network.
+    """
+    from gtmodel.problem_files.base import Context
+
+    with answering(context, False, what):
+        from gtmodel import _view
+
+        path = _view.write(what, out, Context(notice=lambda sentence: print(sentence, file=sys.stderr)))
+    print(f"wrote {path}")
+
+
+@app.command()
+def watch(
+    context: typer.Context,
+    problem: Problem,
+    settings: Set = None,
+    port: Annotated[int, typer.Option(metavar="N", min=0, max=65535, help="Port of the page; 0 for a free one.")] = 0,
+) -> None:
+    """Solve a problem again whenever its file changes, and show its report in a browser on this machine.
+
+    The page reloads by itself. Ctrl-C ends.
+    """
+    with answering(context, False, problem):
+        from gtmodel import _watch
+        from gtmodel.problem_files.load import refuse_twice
+
+        refuse_twice(settings or ())
+        _watch.watch(problem, settings or (), port, lambda sentence: print(sentence, flush=True))
 
 
 @app.command()
@@ -362,6 +445,9 @@ def codegen(
         str | None,
         typer.Option("--fmu", metavar="3|2|both", help="Write functional mock-up units of FMI 3.0, 2.0 or both."),
     ] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE.html", help="Write one page about the code and its checks.")
+    ] = None,
     settings: Set = None,
     as_json: Json = False,
     write_failed: WriteFailed = False,
@@ -371,13 +457,21 @@ def codegen(
     from gtmodel.problem_files import run
 
     with answering(context, as_json, problem) as answer:
+        from gtmodel import _report
+
         answer.brief = True
         loaded = _load(problem, settings, answer)
         job = run.context_of(loaded)
+        if report is not None:
+            _report.refuse_another(report, "--report")
         with terminal.watching(job, "stopping after this step", quiet=quiet):
             answer.finished = run.generate(
                 loaded, job, out, verify=check or costs, write_failed=write_failed, fmu=fmu, costs=costs
             )
+        if report is not None:
+            words = ["-o", out.name, *["--check"] * check, *["--costs"] * costs, *(["--fmu", fmu] if fmu else [])]
+            about = _report.asked(loaded, job, [*words, "--report", report.name], "codegen")
+            answer.finished.files.append(_report.write(report, answer.finished.outcome, about))
 
 
 @app.command()
@@ -429,6 +523,12 @@ def loop(
                 law=law, plant_timeout=plant_timeout, in_lockstep=lockstep, elastic=elastic, deceleration=deceleration,
                 **({} if following is None else {"following": following}),
             )  # fmt: skip
+
+
+def _asked(loaded: Any, job: Any, options: list[str]) -> Any:
+    from gtmodel._report import asked
+
+    return asked(loaded, job, options)
 
 
 def _editor_schema(kind: str | None, as_json: bool) -> str:

@@ -33,7 +33,8 @@ MARKDOWN = [
     *CLONE.glob("problems/**/*.md"),
 ]
 LANGUAGES = {"python", "sh", "text", "toml", "xml", "c", "modelica", "matlab"} | {
-    f"{{{name}}}" for name in ("run", "problem", "keys", "gallery", "theses", "toctree", "include", "figure", "image")
+    f"{{{name}}}"
+    for name in ("run", "problem", "keys", "gallery", "theses", "view", "toctree", "include", "figure", "image")
 }
 """Those that only show something, such as another tool's language, stand beside those that are run."""
 
@@ -98,7 +99,7 @@ def test_every_fence_is_of_a_language_that_is_tested(page: Path) -> None:
     other = (
         {f.info.split()[0] if f.info else "" for f in fences(page)}
         - tested
-        - {"{problem}", "{keys}", "modelica", "matlab"}
+        - {"{problem}", "{keys}", "{view}", "modelica", "matlab"}
     )
     assert not other
 

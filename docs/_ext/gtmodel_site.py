@@ -7,6 +7,7 @@ Directives of the pages:
                           them, `settings`: KEY=VALUE ... behind --set
     ```{keys} KIND        the keys of a problem file and the names of the results, as `gtmodel schema` gives them
     ```{gallery}          a picture of every page that solves a problem
+    ```{view} NAME        the motion that a shipped problem computes, in space
     ```{theses}           the rows of docs/theses.toml
 
 What commands print is kept in build/site/runs until gtmodel or the problem changes.
@@ -28,6 +29,7 @@ from sphinx.application import Sphinx
 from sphinx.ext.autodoc.preserve_defaults import update_default_value
 from sphinx.util.docutils import SphinxDirective
 
+import gtmodel as gt
 from gtmodel.problem_files import editor_schema
 
 from . import fences, links, reference, runs, theses
@@ -76,6 +78,16 @@ class Run(_Page):
         if pictures:
             raise self.error(f"nothing here draws {', '.join(pictures)}")
         return made
+
+
+class View(_Page):
+    """The motion of a shipped problem, to be turned and played."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        self.env.note_dependency(str(CLONE / "problems" / f"{self.arguments[0]}.toml"))
+        return [nodes.raw("", gt.load(self.arguments[0])().view()._repr_html_(), format="html")]
 
 
 class Problem(_Page):
@@ -253,6 +265,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
         ("keys", Keys),
         ("gallery", Gallery),
         ("theses", Theses),
+        ("view", View),
     ):
         app.add_directive(name, directive)
     app.add_html_math_renderer("mathml", (_mathml, None), (_mathml, None))

@@ -15,6 +15,7 @@ from gtmodel.results.trajectory import TIME_SLACK
 from gtmodel.simulation import Simulation, simulate
 from gtmodel.simulation.options import Progress as SimulationProgress
 
+from .. import view
 from ..compiler.analysis.switching import in_mode
 from ..compiler.causal import compile_causal, flat_of
 from ..lang import Model, ModelError
@@ -214,7 +215,14 @@ def loop_simulation(
         period=sampling.period, delay=sampling.delay, first=first, resolution=sampling.resolution,
         velocity=sampling.velocity, compiled=sampling.compiled,
     )  # fmt: skip
-    return _study_of(tracked, sampling, limits, work.title)
+    study = _study_of(tracked, sampling, limits, work.title)
+    run = tracked.trajectory
+    names = {"position": known, "reference": f"{known}.reference", "forces": "forces"}
+    shown = Trajectory(
+        run.time, {new: run[old] for old, new in names.items()},
+        {new: run.units[old] for old, new in names.items() if old in run.units}, title=study.title,
+    )  # fmt: skip
+    return study.with_(scenes={"motion": partial(view.scene, robot, shown)}) if view.points_of(robot) else study
 
 
 def _reference(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 
@@ -30,6 +30,8 @@ class IdentificationStudy(Study):
     `fit` is the fit with its rows, residuals and tests; `numbers` are published numbers of the estimated parameters;
     `closed_loop` holds the simulated recordings.
     """
+
+    draws_residuals: ClassVar[bool] = True
 
     parameters: Annotated[Numbers | None, "estimates by name, in SI units"] = None
     units: Annotated[Mapping[str, str] | None, "their units"] = None

@@ -11,7 +11,7 @@ from typing import Any, Unpack
 import numpy as np
 import tomli_w
 
-from ..inference import autocorrelation
+from ..inference.residuals import draw_residuals
 from ..lang import Model, ModelError
 from ..measurements import Session, Signal
 from ..measurements.log import left_out as left_out_rows
@@ -36,8 +36,6 @@ from .repeated_fits import (
     repeat_identification,
 )
 from .rows import Rows, cutoff_of, rows_of, with_offsets
-
-LAGS = 40  # of the drawn autocorrelation
 
 
 def assembled_study(
@@ -157,13 +155,9 @@ def _figures(
         return efforts_figure(measured.time, measured.effort, modelled, rows.targets, rows.common_unit, title)
 
     def residuals() -> Any:
-        from ..plot.residuals import residuals_figure
-
         each = list((rows.effort - fit).T)
-        units, rho = [rows.common_unit] * len(each), [autocorrelation(r, min(LAGS, len(r) // 3))[1:] for r in each]
-        return residuals_figure(
-            each, rows.targets, units, rho, [rows.time] * len(each), "time [s]", f"{title}: residuals"
-        )
+        units, times = [rows.common_unit] * len(each), [rows.time] * len(each)
+        return draw_residuals(each, rows.targets, units, f"{title}: residuals", times, "time [s]")
 
     def friction() -> Any:
         from ..plot.identification import friction_figure

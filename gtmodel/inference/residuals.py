@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from ..results.refusal import ArgumentError
 from .chance import chi_squared_chance, chi_squared_share
 
 SMALL_P = 0.01  # a test with a smaller p-value rejects its hypothesis
+LAGS = 40  # of a drawn autocorrelation
 TINY_P = 1e-99  # smaller p-values are printed as "below"
 
 
@@ -51,6 +53,33 @@ def autocorrelation(r: np.ndarray, lags: int) -> np.ndarray:
     power = np.abs(np.fft.rfft(d, size)) ** 2
     c = np.fft.irfft(power, size)[: lags + 1]
     return c / c[0] if c[0] > 0 else np.concatenate([[1.0], np.zeros(lags)])
+
+
+def draw_residuals(
+    residuals: Sequence[np.ndarray], names: Sequence[str], units: Sequence[str], title: str = "",
+    places: Sequence[np.ndarray] | None = None, place: str = "sample",
+) -> Any:  # fmt: skip
+    """Return the figure of the residuals of each signal: in order, histogram, normal plot, autocorrelation.
+
+    Arguments as in `gtmodel.plot.residuals.residuals_figure`; values that are not finite are left out.
+
+    >>> from gtmodel.inference.residuals import draw_residuals
+    >>> len(draw_residuals([np.sin(np.arange(50.0))], ["force"], ["N"]).axes)
+    4
+    """
+    from ..plot.residuals import residuals_figure
+
+    finite = [np.isfinite(r) for r in residuals]
+    each = [np.asarray(r, float)[ok] for r, ok in zip(residuals, finite, strict=True)]
+    at = None if places is None else [np.asarray(x)[ok] for x, ok in zip(places, finite, strict=True)]
+    lags = [autocorrelation(r, min(LAGS, len(r) // 3))[1:] if len(r) else r for r in each]
+    return residuals_figure(each, names, units, lags, at, place, title)
+
+
+def draw_fit(estimate: Estimate, title: str = "") -> Any:
+    """Return the figure of all residuals of an estimate in the order of the data, in units of their deviation."""
+    deviation = float(np.std(estimate.residuals, ddof=1)) or 1.0
+    return draw_residuals([estimate.residuals / deviation], ["residual / deviation"], ["1"], f"{title}: residuals")
 
 
 def insignificant(r: np.ndarray) -> int:

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Unpack
 
 import numpy as np
 
+from .. import view
 from ..lang import Model
 from ..optimize.judgement.resimulate import control_curves
 from ..optimize.multistart import SAME_COST
@@ -163,6 +164,7 @@ def _study_of(
     except NotReached as missed:
         unreachable = at_most(missed.samples, 0, "the motion leaves the reach between its rows: use more mesh.elements")
         checks = {**checks, "reference_samples_out_of_reach": unreachable}
+    force = problem.limits.force
     return MotionStudy(
         status=SolveStatus.SOLVED,
         message="; ".join(filter(None, [f"{how(solution)} and re-simulated{finer}", *sentences, solution.reservation])),
@@ -190,6 +192,7 @@ def _study_of(
         exported_margins=margins_of(plan, exported),
         exported_clearance=clearances(problem.limits.obstacles, run["T"], plan.links(run)),
         figures={"motion": partial(_figure, plan, trajectory, curves)},
+        scenes={"motion": partial(view.scene, plan.robot, trajectory, limits={"tau": (-force, force)})},
         files=files,
         machine_files=("reference.csv", "motion.mod"),
     )

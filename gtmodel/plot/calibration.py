@@ -33,7 +33,6 @@ from .style import (
     with_panels,
 )
 
-BINS = 30
 TICKS = 4  # along the longer side of a view
 FEW_DECADES = 3  # up to which an axis has room for ticks at 2 and 5
 MANY = 40  # labels that can be read on an axis at normal size
@@ -89,30 +88,6 @@ def _groups(held_out: np.ndarray | None, N: int, colour: str) -> list[tuple[str,
     if held_out is None:
         return [("", np.ones(N, bool), colour, ".")]
     return [("fitted", ~held_out, BLUE, "o"), ("held out", held_out, ORANGE, "s")]
-
-
-@styled
-def length_errors_figure(residuals: np.ndarray, labels: Sequence[str], title: str = "") -> Figure:
-    """Draw histograms of length errors (N, m) [m], one panel per link; values that are not finite are only counted."""
-    m = len(labels)
-    columns = min(3, m)
-    rows = -(-m // columns)
-    figure, panels = with_panels(3.0 * columns, 1.0 + 2.3 * rows, rows, columns, title=title, sharey=True)
-    everything = residuals[np.isfinite(residuals)]
-    bins = np.histogram_bin_edges(1e3 * everything, BINS) if everything.size else np.linspace(-1.0, 1.0, BINS + 1)
-    for k, axes in enumerate(panels):
-        if k >= m:
-            axes.set_axis_off()
-            continue
-        known = residuals[np.isfinite(residuals[:, k]), k]
-        axes.hist(1e3 * known, bins, color=COLOURS[0])
-        mean = f"mean size {1e3 * float(np.mean(np.abs(known))):.3g} mm" if known.size else "no errors"
-        missing = f", {len(residuals) - known.size} left out" if known.size < len(residuals) else ""
-        axes.set_title(f"{labels[k]}: {mean}{missing}", fontsize="small")
-        axes.set_xlabel("error [mm]")
-        if k % columns == 0:
-            axes.set_ylabel("number of poses")
-    return figure
 
 
 @styled

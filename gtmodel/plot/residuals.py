@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from .signals import PANEL_HEIGHT
 from .style import LIMIT, SKY, styled, with_panels
 
-BINS = 40
+BINS = 40  # most bins; their number grows with the cube root of the residuals' (Rice's rule)
 SHOWN = 20_000  # points of a panel; more look the same
 
 
@@ -51,7 +51,7 @@ def residuals_figure(
         if len(r) < 3 or not np.ptp(r) > 0:
             continue
         mean, deviation = float(np.mean(r)), float(np.std(r, ddof=1))
-        histogram.hist(r, BINS, density=True, color=SKY)
+        histogram.hist(r, min(BINS, round(2 * len(r) ** (1 / 3)) + 1), density=True, color=SKY)
         span = np.linspace(r.min(), r.max(), 200)
         histogram.plot(
             span,

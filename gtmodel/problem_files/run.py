@@ -7,7 +7,7 @@ import math
 import tempfile
 import time
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -52,22 +52,25 @@ def held(folder: Path, context: Context) -> Iterator[Held]:
 
 
 def write(
-    folder: Path | Held, loaded: Loaded, context: Context, outcome: Study, *, wall_s: float, plot: bool
-) -> list[Path]:
+    folder: Path | Held, loaded: Loaded, context: Context, outcome: Study, *, wall_s: float, plot: bool,
+    asked: Any = None,
+) -> list[Path]:  # fmt: skip
     """Write a study with its run.toml, all files or none, and return their paths.
 
     The files are result.json, trajectory.csv if there is a trajectory (marked if it must not be used), the study's own
-    files, pictures if `plot` is set, and run.toml. They replace the files of an earlier result in the folder.
+    files, pictures if `plot` is set, report.html if `asked` is given, and run.toml. They replace those of an earlier
+    result in the folder. asked: what the report says about the problem, a `results.page.page.Asked`.
 
     Raises InputError if the folder belongs to something else or cannot be written; NotDrawn if only a picture failed.
     """
     if isinstance(folder, Path):
         with held(folder, context) as target:
-            return write(target, loaded, context, outcome, wall_s=wall_s, plot=plot)
+            return write(target, loaded, context, outcome, wall_s=wall_s, plot=plot, asked=asked)
     files = written.files_of(outcome, result(loaded.name, loaded.problem.kind, outcome))
     if "flat" in context.inputs:  # the output of another flattener: errors name its lines
         files["flat.mo"] = context.inputs["flat"].read_bytes()
     faults = pictured(outcome, files) if plot else []
+    faults += written.reported(outcome, files, asked) if asked is not None else []
     with about_out():
         paths = written.put(folder, files, lambda files: _run(loaded, context, wall_s, files))
     if faults:
@@ -209,21 +212,23 @@ class ProblemRows:
 
 
 def solve(
-    loaded: Loaded, context: Context, *, out: Path | None = None, plot: bool = False, write_failed: bool = False
-) -> Finished:
+    loaded: Loaded, context: Context, *, out: Path | None = None, plot: bool = False, write_failed: bool = False,
+    asked: Callable[[], Any] | None = None,
+) -> Finished:  # fmt: skip
     """Solve a problem and write the result into `out`, if there is one. Raises InputError, if possible before the work.
 
     Files for a machine are written only if the result may be used, or with `write_failed`, marked in their first line.
+    asked: called after the work, for report.html; see `write`.
     """
     if out is None:
         return Finished(noted(answer(loaded, context), context), time.monotonic() - context.began)
     with held(out, context) as folder:
         outcome = noted(answer(loaded, context), context)
         wall_s = time.monotonic() - context.began
-        outcome = written.illustrated(outcome) if plot else outcome
         outcome = for_machines(outcome, _FAILED if write_failed else "", _FAILED)
         try:
-            files = write(folder, loaded, context, outcome, wall_s=wall_s, plot=plot)
+            more = None if asked is None else asked()
+            files = write(folder, loaded, context, outcome, wall_s=wall_s, plot=plot, asked=more)
         except NotDrawn as error:
             return Finished(outcome, wall_s, error.files, unwritten=str(error))
         except InputError as error:
@@ -260,15 +265,15 @@ def explain(loaded: Loaded, context: Context) -> str:
         with keyed(loaded):
             return str(explanation(loaded.problem, context))
     keys = loaded.problem.model_dump(mode="json", exclude_none=True, exclude={"kind", "title"})
-    return "\n".join([loaded.problem.heading, *(f"  {line}" for line in _lines(keys))])
+    return "\n".join([loaded.problem.heading, *(f"  {key} = {value}" for key, value in leaves(keys))])
 
 
-def _lines(value: Any, place: tuple[str | int, ...] = ()) -> Iterator[str]:
-    """Dotted keys with their values, one a line; no line for an empty table."""
+def leaves(value: Any, place: tuple[str | int, ...] = ()) -> Iterator[tuple[str, str]]:
+    """Yield dotted keys with their values as JSON; nothing for an empty table."""
     if isinstance(value, list) and any(isinstance(entry, Mapping) for entry in value):
         value = dict(enumerate(value))
     if isinstance(value, Mapping):
         for name, inner in value.items():
-            yield from _lines(inner, (*place, name))
+            yield from leaves(inner, (*place, name))
     else:
-        yield f"{dotted(place)} = {json.dumps(value, ensure_ascii=False)}"
+        yield dotted(place), json.dumps(value, ensure_ascii=False)

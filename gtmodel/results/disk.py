@@ -9,9 +9,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from functools import partial
 from pathlib import Path, PurePath
-from typing import Any
 
 from .refusal import ArgumentError
 
@@ -86,13 +84,10 @@ def scratch(prefix: str = "gtmodel-") -> Iterator[Path]:
 
 
 class MadeFiles(Mapping[str, str]):
-    """Contents by file name, each computed by a function at access; `pages` compute files with pictures in them."""
+    """Contents by file name, each computed by a function at access."""
 
-    def __init__(
-        self, makers: Mapping[str, Callable[[], str]], pages: Mapping[str, Callable[[], str]] | None = None
-    ) -> None:
+    def __init__(self, makers: Mapping[str, Callable[[], str]]) -> None:
         self.makers = dict(makers)
-        self.pages = dict(pages or {})
 
     def __getitem__(self, name: str) -> str:
         return self.makers[name]()
@@ -102,26 +97,6 @@ class MadeFiles(Mapping[str, str]):
 
     def __len__(self) -> int:
         return len(self.makers)
-
-    def with_(
-        self, name: str, maker: Callable[[], str], *, behind: str, drawn: Callable[[], str] | None = None
-    ) -> MadeFiles:
-        """Return a copy with one more file, after the file `behind`. drawn: computes it with pictures."""
-        place = list(self.makers).index(behind) + 1
-        pairs = list(self.makers.items())
-        pages = self.pages if drawn is None else {**self.pages, name: drawn}
-        return MadeFiles(dict([*pairs[:place], (name, maker), *pairs[place:]]), pages)
-
-    def drawn(self) -> MadeFiles:
-        """Return a copy whose pages include their pictures."""
-        return MadeFiles({**self.makers, **self.pages})
-
-
-def made(files: Mapping[str, Any]) -> MadeFiles:
-    """Return any mapping of file contents as MadeFiles."""
-    if isinstance(files, MadeFiles):
-        return files
-    return MadeFiles({name: partial(str, content) for name, content in files.items()})
 
 
 _MARK = "NOT TO BE USED"

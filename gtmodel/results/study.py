@@ -22,8 +22,11 @@ _OWN = frozenset(s.message for s in SolveStatus)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from .page.page import Sections
 else:
     Figure = hint("matplotlib.figure", "Figure")
+    Sections = hint("gtmodel.results.page.page", "Sections")
 
 
 def to_inherit(cls: type[S]) -> type[S]:
@@ -45,6 +48,7 @@ class Study(Portable):
     checks: tested numbers, by name. notes: remarks for the reader.
     trajectory: the motion, if there is one.
     figures: name -> function that draws a matplotlib figure; `figure` calls it.
+    scenes: name -> function that returns a `gtmodel.view.RobotScene`; `view` calls it.
     files: file name -> content of files besides result.json, such as map.csv.
     machine_files: names of files that a machine or another program uses, such as a robot program; they are written only
         if the result may be used. TRAJECTORY is one of them if a machine follows it; otherwise a failed study writes it
@@ -62,6 +66,10 @@ class Study(Portable):
 
     done: ClassVar[str] = SolveStatus.SOLVED.value
     """Word for the status SOLVED in the table; a study that solves nothing has another one."""
+    captions: ClassVar[Mapping[str, str]] = {}
+    """Captions of pictures in the report, by their name; the others are called by their name."""
+    draws_residuals: ClassVar[bool] = False
+    """Whether `figures` show distribution and autocorrelation of the residuals; otherwise the report does."""
 
     status: SolveStatus
     message: str = ""
@@ -73,6 +81,7 @@ class Study(Portable):
     checks: Mapping[str, Check] = field(default_factory=dict)
     trajectory: Trajectory | None = None
     figures: Mapping[str, Callable[[], Any]] = field(default_factory=dict)
+    scenes: Mapping[str, Callable[[], Any]] = field(default_factory=dict)
     files: Mapping[str, str | bytes] = field(default_factory=dict)
     machine_files: Collection[str] = ()
 
@@ -101,6 +110,11 @@ class Study(Portable):
         labelled = ((q, getattr(self, attribute)) for attribute, q in self.quantities().items() if q.label)
         return [q.row(value) for q, value in labelled if value is not None]
 
+    @property
+    def sections(self) -> Sections:
+        """Further parts of the report by heading: sentences, lists and tables."""
+        return {}
+
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
         """Return the confidence interval of an estimated quantity [SI], infinite if the data do not determine it.
         Raises ArgumentError if it was not estimated."""
@@ -124,13 +138,19 @@ class Study(Portable):
 
     def figure(self, name: str = "") -> Figure:
         """Return a picture by name, the first if left out. Raises ArgumentError for an unknown name."""
-        names = ", ".join(self.figures) or "none"
-        if not self.figures or (name and name not in self.figures):
-            raise ArgumentError(f"there is no picture '{name}'; there are {names}", "name")
-        return self.figures[name or next(iter(self.figures))]()
+        return _chosen(self.figures, name, "picture")()
 
-    def write(self, folder: str | Path, *, plot: bool = False, write_failed: bool = False) -> list[Path]:
-        """Write result.json, the files and, with `plot`, the pictures into a folder, and return the paths.
+    def view(self, name: str = "") -> Any:
+        """Return the robot in space with its motion, by name, the first if left out: a `gtmodel.view.RobotScene`. A
+        notebook shows it, and it writes a page. Raises ArgumentError for an unknown name, and if there is none."""
+        return _chosen(self.scenes, name, "view")()
+
+    def write(
+        self, folder: str | Path, *, plot: bool = False, report: bool = False, write_failed: bool = False
+    ) -> list[Path]:
+        """Write result.json and the files into a folder, and return the paths.
+
+        plot: write the pictures too. report: write report.html too, one page with all pictures, to be sent to others.
 
         Files for a machine are written only if the result may be used or, with `write_failed`, with a mark. Raises
         ArgumentError for a folder with files that gtmodel did not write.
@@ -139,7 +159,7 @@ class Study(Portable):
 
         if not isinstance(folder, (str, Path)):
             raise ArgumentError(f"expected the name of a folder; found {type(folder).__name__}", "folder")
-        return write(self, Path(folder), plot=plot, write_failed=write_failed)
+        return write(self, Path(folder), plot=plot, report=report, write_failed=write_failed)
 
     def __str__(self) -> str:
         from .table import text  # here, as below: a schema needs neither tables nor files
@@ -153,3 +173,10 @@ class Study(Portable):
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.status.value}>"
+
+
+def _chosen(made: Mapping[str, Callable[[], Any]], name: str, what: str) -> Callable[[], Any]:
+    """The maker of that name, or the first. Raises ArgumentError."""
+    if not made or (name and name not in made):
+        raise ArgumentError(f"there is no {what} '{name}'; there are {', '.join(made) or 'none'}", "name")
+    return made[name or next(iter(made))]

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .check import Check, bound_in_words
+from .pictures import png
 from .plain_table import plain
 from .quantity import split
 from .status import SolveStatus
-from .written import png
 
 if TYPE_CHECKING:
     from .study import Study
@@ -30,10 +30,7 @@ def cells(study: Study, brief: bool = False) -> list[tuple[str, str, str, str]]:
     """
     status = study.done if study.status is SolveStatus.SOLVED else study.status.value
     rows = [("status", status, "", "")]
-    if study.iterations is not None:
-        rows.append(("iterations", str(study.iterations), "", ""))
-    for label, value, *unit in study.rows or _of_values(study):
-        rows.append((label, number(value), str(unit[0]) if unit else "", ""))
+    rows += [(label, number(value), unit, "") for label, value, unit in quantity_rows(study)]
     rows += [("note", note, "", "") for note in study.notes]
     passed = sum(check.passed for check in study.checks.values())
     if brief and passed:
@@ -43,6 +40,16 @@ def cells(study: Study, brief: bool = False) -> list[tuple[str, str, str, str]]:
             continue
         stem, unit = split(name)
         rows.append((stem.replace("_", " "), number(_value(check)), unit, _verdict(check)))
+    return rows
+
+
+def quantity_rows(study: Study) -> list[tuple[str, Any, str]]:
+    """Return the rows of label, value and unit: iterations, and the quantities."""
+    rows: list[tuple[str, Any, str]] = []
+    if study.iterations is not None:
+        rows.append(("iterations", study.iterations, ""))
+    for label, value, *unit in study.rows or _of_values(study):
+        rows.append((label, value, str(unit[0]) if unit else ""))
     return rows
 
 

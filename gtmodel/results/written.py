@@ -3,39 +3,27 @@
 from __future__ import annotations
 
 import hashlib
-import io
-import os
-import platform
-import sys
-import textwrap
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
 
 import tomli_w
 
-from .._version import __version__
 from .as_json import result
-from .disk import MadeFiles, marked
+from .disk import marked
 from .folder import FolderError, Held, holding, others, refuse_impossible, unfinished
+from .pictures import png
 from .read_bounds import toml_of
 from .refusal import ArgumentError
 from .trajectory_files import TRAJECTORY, csv_bytes
+from .versions import OURS, versions
 
 if TYPE_CHECKING:
     from .study import Study
 
 RUN = "run.toml"
 RESULT = "result.json"
-_OURS = "gtmodel"
-_PACKAGES = ("casadi", "numpy", "scipy", "pydantic")
-_DPI = 150
-_WARNING, _WARNING_POINTS = "#b00020", 9.0  # colour and size of the warning above the picture of a failed result
-_LETTERS, _LINE = 1.7, 1.25  # letters per width, and height of a line, in units of the font size
 
 
 def refuse_foreign(folder: Path) -> None:
@@ -87,21 +75,22 @@ def _written(folder: Path) -> dict[str, str] | None:
     except (OSError, ValueError):
         return None
     files = run.get("files")
-    if run.get("program") != _OURS or not isinstance(files, dict):
+    if run.get("program") != OURS or not isinstance(files, dict):
         return None
     return {name: str(digest) for name, digest in files.items() if name == Path(name).name}
 
 
-def write(study: Study, folder: Path, *, plot: bool, write_failed: bool) -> list[Path]:
-    """Write a study into a folder: result.json, its files, pictures with `plot`, and run.toml. Raises ArgumentError."""
+def write(study: Study, folder: Path, *, plot: bool, report: bool, write_failed: bool) -> list[Path]:
+    """Write a study into a folder: result.json, its files, pictures with `plot`, the page with `report`, and run.toml.
+    Raises ArgumentError."""
     with held(folder, lambda _: None) as target:
-        study = illustrated(study) if plot else study
         study = for_machines(study, "write_failed" if write_failed else "")
         files = files_of(study, result("", None, study))
         faults = pictured(study, files) if plot else []
+        faults += reported(study, files) if report else []
         paths = put(target, files, lambda files: record({}, None, files))
     if faults:
-        raise ArgumentError(faults[0], "plot")
+        raise ArgumentError(faults[0], "plot" if plot else "report")
     return paths
 
 
@@ -116,12 +105,6 @@ def files_of(study: Study, data: bytes) -> dict[str, bytes]:
     for name, content in study.files.items():
         files[name] = content.encode() if isinstance(content, str) else content
     return files
-
-
-def illustrated(study: Study) -> Study:
-    """Return the study with those of its files that can include pictures including them."""
-    files = study.files
-    return study.with_(files=files.drawn()) if isinstance(files, MadeFiles) else study
 
 
 def for_machines(study: Study, asked: str, by: str = "write_failed=True") -> Study:
@@ -184,6 +167,18 @@ def pictured(study: Study, files: dict[str, bytes]) -> list[str]:
     return faults
 
 
+def reported(study: Study, files: dict[str, bytes], asked: Any = None) -> list[str]:
+    """Add report.html to `files`, and return a sentence if it cannot be written. asked: `page.Asked`, if known."""
+    from .page.page import REPORT, page  # here: a result without a report needs no page
+
+    try:
+        files[REPORT] = page(study, asked, sha256(files[RESULT])).encode()
+    except Exception as error:
+        fault = " ".join(str(error).split())
+        return [f"{REPORT} could not be written ({type(error).__name__}: {fault}); please report it"]
+    return []
+
+
 def _not_ok(study: Study) -> str:
     return "check failed" if study.status.converged else "not solved"
 
@@ -193,7 +188,7 @@ def record(
 ) -> bytes:
     """Return run.toml: the inputs of a folder, and the hashes of its `files`, which reveal later changes."""
     run = {
-        "program": _OURS,
+        "program": OURS,
         **({} if wall_s is None else {"wall_s": wall_s}),
         "input": dict(inputs),
         "versions": versions(*(["rumoca"] if "flat" in inputs else [])),
@@ -202,37 +197,6 @@ def record(
     }
     note = "# How this folder was made. gtmodel replaces the files listed here, as long as nobody changed them.\n"
     return (note + tomli_w.dumps(run)).encode()
-
-
-def versions(*used: str) -> dict[str, str]:
-    """Return the versions of gtmodel, Python, the numerical packages and those in `used`."""
-    versions_by_name = {_OURS: __version__, "python": platform.python_version(), "platform": _system()}
-    return versions_by_name | {name: _installed(name) for name in (*_PACKAGES, *used)}
-
-
-def _system() -> str:
-    """As `platform.platform`, but without the process that it starts on Linux to find the processor's name."""
-    if sys.platform != "linux":
-        return platform.platform()
-    parts = [platform.system(), platform.release(), platform.machine(), "with", "".join(platform.libc_ver())]
-    return "-".join(part for part in parts if part)
-
-
-def _installed(package: str) -> str:
-    """The version of a package from its folder PACKAGE-VERSION.dist-info; importlib.metadata takes longer than writing
-    the whole result."""
-    spec = find_spec(package)
-    if spec is not None and spec.origin is not None:
-        names = os.listdir(Path(spec.origin).parents[1])
-        folders = [n for n in names if n.startswith(f"{package}-") and n.endswith(".dist-info")]
-        if len(folders) == 1:
-            return folders[0].removeprefix(f"{package}-").removesuffix(".dist-info")
-    from importlib.metadata import PackageNotFoundError, version  # none or several: an unusual installation
-
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "not found"
 
 
 def sha256(content: bytes) -> str:
@@ -245,52 +209,3 @@ def sha256_of_file(path: Path) -> str:
         return ""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-# pictures by the function that draws them, for as long as it lives: a page may include what is also a file
-_drawn: WeakKeyDictionary[Any, bytes] = WeakKeyDictionary()
-
-
-def png(draw: Any, said: str = "") -> bytes:
-    """Return a picture as PNG, identical for identical pictures. said: warning above the picture of a failed result."""
-    if said:
-        return _png(draw, said)
-    if draw not in _drawn:
-        _drawn[draw] = _png(draw)
-    return _drawn[draw]
-
-
-def _png(draw: Any, said: str = "") -> bytes:
-    buffer = io.BytesIO()
-    style = import_module("gtmodel.plot.style")  # by name: results must not depend on gtmodel.plot
-    with style.settings():
-        figure = draw()
-        options = _headed(figure, said) if said else {}
-        _as_written(figure)
-        figure.draw_without_rendering()  # equal scales move the tick labels, and the layout then makes room for them
-        # without matplotlib's version in the file: same input, same bytes
-        figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None}, **options)
-    return buffer.getvalue()
-
-
-def _headed(figure: Any, message: str) -> dict[str, Any]:
-    """Write a text above a figure, on added space; returns the options for savefig."""
-    from matplotlib.transforms import Bbox
-
-    width, height = figure.get_size_inches()
-    inch = 72.0 / _WARNING_POINTS  # lines per inch, and about half the letters
-    lines = textwrap.wrap(" ".join(message.split()), max(20, int(_LETTERS * inch * width)))
-    text = figure.text(0.5, 1.0, "\n".join(lines), ha="center", va="bottom", color=_WARNING, fontsize=_WARNING_POINTS)
-    text.set_in_layout(False)  # the picture itself stays as it was
-    above = (len(lines) + 1) * _LINE / inch
-    text.set_y(1.0 + 0.5 * _LINE / inch / height)
-    return {"bbox_inches": Bbox([[0.0, 0.0], [width, height + above]])}
-
-
-def _as_written(figure: Any) -> None:
-    """Print "$" in titles and names literally, not as a formula; Matplotlib's tick labels stay."""
-    from matplotlib.text import Text
-
-    for text in figure.findobj(Text):
-        if "$" in text.get_text() and "\\mathdefault" not in text.get_text():
-            text.set_parse_math(False)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Annotated, Any, Literal, Unpack
 
+from .. import view
 from ..compiler.causal import flat_of
 from ..lang.model import Model
 from ..lang.source import ModelError
@@ -72,7 +73,10 @@ def simulation_study(
         if error.argument:
             raise ArgumentError(str(error), error.argument) from error
         raise
-    return _study_of(simulation, work.title).with_(notes=getattr(type(model), "_notes", ()))
+    study = _study_of(simulation, work.title).with_(notes=getattr(type(model), "_notes", ()))
+    if view.points_of(model):
+        study = study.with_(scenes={"motion": partial(view.scene, model, study.trajectory)})
+    return study
 
 
 def refuse_unknown(model: Model, **lists: Mapping[str, Any] | Sequence[str]) -> None:

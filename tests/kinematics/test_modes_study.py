@@ -66,6 +66,15 @@ class TestRobots:
         height = np.array([mode["tcp_m"][2] for mode in v["modes"]])
         assert np.sum(height > carts) == 4 and height[v["commanded"] - 1] < carts
 
+    def test_modes_in_space_have_links_of_their_lengths(self, f1) -> None:
+        view, L = f1.view(), np.asarray(robots.f1_gantry_tau().L).ravel()
+        for k in range(6):
+            link = view.points[f"plate joint {k + 1}"] - view.points[f"cart joint {k + 1}"]
+            assert np.linalg.norm(link, axis=1) == pytest.approx(np.full(8, L[k]), abs=1e-9)
+        assert view.unit == "mode" and view.at("tool centre point", 3.0) == pytest.approx(
+            f1.values["modes"][2]["tcp_m"]
+        )
+
     def test_commanded_mode_is_the_pose_that_newton_gives(self, f1) -> None:
         q = [0.72, 0.26, 0.21, *np.radians([0.3, -3.0, -0.6])]
         T, R, status = robots.f1_gantry_tau().causal("q", ["T", "R"])(q)

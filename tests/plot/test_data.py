@@ -10,7 +10,7 @@ from matplotlib.transforms import Bbox
 from scipy.signal import cont2discrete
 
 from gtmodel.inference import autocorrelation
-from gtmodel.plot.calibration import deviations_figure, length_errors_figure, predicted_figure
+from gtmodel.plot.calibration import deviations_figure, predicted_figure
 from gtmodel.plot.identification import information_figure, levels_figure
 from gtmodel.plot.milling import angle_figure, compensation_figure, lobes_figure
 from gtmodel.plot.motion import motion_figure, space_figure, swing_figure
@@ -88,9 +88,6 @@ def test_one_missing_number_takes_nothing_else_away() -> None:
     speeds, forces = np.array([[0.1], [NAN], [0.4]]), np.array([[1.0], [NAN], [2.0]])
     lines = levels_figure([("p", speeds, forces)], [np.sign], np.zeros(1)).axes[0].get_lines()
     assert np.max(np.asarray(lines[0].get_xdata())) == pytest.approx(1.05 * 0.4)
-    errors = np.array([[1e-3, NAN], [3e-3, NAN], [NAN, NAN]])
-    titles = [axes.get_title() for axes in length_errors_figure(errors, ["1", "2"]).axes]
-    assert titles == ["1: mean size 2 mm, 1 left out", "2: no errors, 3 left out"]
     space: Any = predicted_figure(np.eye(3), np.array([1e-6, NAN, 3e-6]), np.array([1e-6, NAN, 2e-6])).axes[0]
     assert "worst: 3 µm at (0, 0, 1) m" in space.get_title()
 

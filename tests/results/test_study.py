@@ -30,7 +30,7 @@ from gtmodel.results import (
     at_most,
     read,
 )  # fmt: skip
-from gtmodel.results.disk import made
+from gtmodel.results.disk import MadeFiles
 from gtmodel.results.quantity import converted, described, named, split
 from gtmodel.results.table import csv_text
 from gtmodel.results.work import WorkOptions, study_function
@@ -132,10 +132,9 @@ def test_numbers_by_name_are_written_in_another_unit():
 
 def test_files_are_made_when_they_are_asked_for():
     asked = []
-    files = made({"a.csv": "1", "b.csv": "2"}).with_("page.html", lambda: asked.append(1) or "page", behind="a.csv")
-    assert list(files) == ["a.csv", "page.html", "b.csv"] and len(files) == 3 and not asked
-    assert dict(files) == {"a.csv": "1", "page.html": "page", "b.csv": "2"} and asked == [1]
-    assert made(files) is files
+    files = MadeFiles({"a.csv": lambda: asked.append(1) or "1", "b.csv": lambda: "2"})
+    assert list(files) == ["a.csv", "b.csv"] and len(files) == 2 and not asked
+    assert dict(files) == {"a.csv": "1", "b.csv": "2"} and asked == [1]
 
 
 def test_a_call_may_be_finished():

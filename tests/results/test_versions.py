@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from gtmodel.results import written
+from gtmodel.results import versions
 
 
 def test_versions_are_those_of_the_installed_packages() -> None:
-    stated = written.versions()
-    assert {name: stated[name] for name in written._PACKAGES} == {name: version(name) for name in written._PACKAGES}
+    stated = versions.versions()
+    assert {name: stated[name] for name in versions._PACKAGES} == {name: version(name) for name in versions._PACKAGES}
     assert stated["platform"] == platform.platform()
 
 
@@ -24,9 +24,9 @@ def test_an_unusual_installation_is_asked_of_importlib(
     for folder in folders:
         (tmp_path / folder).mkdir()
     package = tmp_path / "casadi" / "__init__.py"
-    monkeypatch.setattr(written, "find_spec", lambda _: type("Spec", (), {"origin": str(package)}))
-    assert written._installed("casadi") == version("casadi")
+    monkeypatch.setattr(versions, "find_spec", lambda _: type("Spec", (), {"origin": str(package)}))
+    assert versions._installed("casadi") == version("casadi")
 
 
 def test_a_package_that_is_not_there_is_said_to_be_not_found() -> None:
-    assert written._installed("no_such_package") == "not found"
+    assert versions._installed("no_such_package") == "not found"

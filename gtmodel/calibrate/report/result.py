@@ -6,9 +6,15 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
+from ..._lazy import hint
 from ...results import ArgumentError, Quantity, Row, Study
+
+if TYPE_CHECKING:
+    from ...results.page.page import Sections
+else:
+    Sections = hint("gtmodel.results.page.page", "Sections")
 
 WORST_ROWS = 5
 SHOWN_WEAK = 3
@@ -123,6 +129,17 @@ class CalibrationStudy(Study):
     degrees: whether the printed table has angles in degrees, as the file does.
     """
 
+    draws_residuals: ClassVar[bool] = True
+    captions: ClassVar[Mapping[str, str]] = {
+        "pose_errors": "Positioning error per pose (compare Dressler 2012, Fig. 5.1); dashed: mean; ring: the largest.",
+        "workspace_errors": "Positioning error over the workspace; squares: held-out poses; ring: largest error.",
+        "residuals": "Errors of each link, or coordinate of the tool, in the fitted poses; bars within the dotted band "
+        "are what white noise would show.",
+        "deviations": "Standard deviation of each unknown.",
+        "correlation": "Correlation of the unknowns.",
+        "stiffness": "Stiffness of each joint with 95 % confidence intervals, for both methods.",
+    }
+
     withheld: str = ""
     degrees: bool = False
 
@@ -231,3 +248,12 @@ class CalibrationStudy(Study):
         if self.joint_stiffness is not None:
             return self.joint_stiffness.rows
         return [] if self.parameters is None else rows_of(self.values, self.degrees)
+
+    @property
+    def sections(self) -> Sections:
+        """Accuracy, parameters and identifiability, or the stiffness of the joints; none before the fit."""
+        from .sections import sections_of, stiffness_sections  # here: a fit needs no page
+
+        if self.joint_stiffness is not None:
+            return stiffness_sections(self.values["joint_stiffness"])
+        return {} if self.parameters is None else sections_of(self.values)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from ...compiler.causal import flat_of
 from ...inference import Identifiability
 from ...inference.covariance import listed
+from ...inference.residuals import draw_residuals
 from ...results import Check, at_most
 from ...results.table import csv_text
 from ..prediction import Prediction
@@ -119,9 +120,7 @@ def pictures(findings: CalibrationFindings, title: str) -> Mapping[str, Callable
                 data.T, sizes, f"{title}: errors by place, {whose}", held_out=held_out
             )
     if not parts:
-        figures["length_errors"] = lambda: _plot().length_errors_figure(
-            c.residuals, findings.problem.labels, f"{title}: errors of the fitted poses"
-        )
+        figures["residuals"] = lambda: _residuals(c.residuals, findings.problem.labels, title)
     estimate, after = findings.confidence.estimate, findings.after
     if estimate is not None and after is not None:
         units = [u or "1" for u in estimate.units]
@@ -132,6 +131,12 @@ def pictures(findings: CalibrationFindings, title: str) -> Mapping[str, Callable
             after.names, after.correlation, f"{title}: correlation"
         )
     return figures
+
+
+def _residuals(residuals: np.ndarray, labels: Sequence[str], title: str) -> Figure:
+    """Residuals (N, m) [m] of the fitted poses."""
+    units, what = ["mm"] * len(labels), f"{title}: errors of the fitted poses"
+    return draw_residuals([*(1e3 * residuals.T)], labels, units, what, place="pose")
 
 
 def _of_part(part: CalibrationFindings) -> dict[str, np.ndarray]:

@@ -53,7 +53,7 @@ class _Stage:
     def __init__(self, fun: ca.Function, sparsity: ca.Sparsity) -> None:
         self._fun = fun
         self._shape = sparsity.shape
-        self._indices, self._pointers = np.array(sparsity.row()), np.array(sparsity.colind())
+        self._indices, self._pointers = (np.array(x, dtype=int) for x in (sparsity.row(), sparsity.colind()))
         self._columns = np.repeat(np.arange(self._shape[1]), np.diff(self._pointers))
         self._dense = max(self._shape) <= DENSE
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,6 @@ from gtmodel.problem_files.base import Call, Context, InputError
 from gtmodel.results import ArgumentError
 from gtmodel.results.refusal import naming
 
-from . import page
 from .keys import JointStiffness, MeasuredSection, Schema
 
 STIFFNESS = "joint_stiffness"
@@ -43,7 +41,7 @@ def call(problem: Schema, context: Context) -> Call:
         keys = _stiffness(problem)
         title = problem.title or f"joint stiffness of {problem.robot}"
         study = Call(stiffness_study, robot, _tests(keys, robot, context), keys.options(), title=title)
-        return study.then(partial(_calibration, problem=problem, context=context))
+        return study.then(_calibration)
     carts = _carts(problem, context)
     reference, before = robots.in_python(problem.robot, context)
     external = python_models.is_reference(reference) or python_models.is_arm_file(reference)
@@ -54,7 +52,7 @@ def call(problem: Schema, context: Context) -> Call:
     return Call(
         calibrate.study, robot, _poses(problem, robot, context), problem.options(), held_out=split.every, refit=refit,
         method=split.method, folds=split.folds, carts=carts, origin=origin, title=title,
-    ).then(partial(page.added, problem=problem, context=context))  # fmt: skip
+    )  # fmt: skip
 
 
 def explain(problem: Schema, context: Context) -> str:
@@ -137,12 +135,11 @@ def _one_of(keys: Schema | JointStiffness, key: str) -> None:
         raise InputError(f"expected one of [measurements] and [synthetic]; found {present}", key)
 
 
-def _calibration(stiffness: StiffnessStudy, problem: Schema, context: Context) -> CalibrationStudy:
-    """The stiffness study as a result of this kind, with the report."""
-    study = CalibrationStudy(
+def _calibration(stiffness: StiffnessStudy) -> CalibrationStudy:
+    """The stiffness study as a result of this kind."""
+    return CalibrationStudy(
         status=stiffness.status, message=stiffness.message, title=stiffness.title, objective=stiffness.objective,
         checks=stiffness.checks, figures=stiffness.figures, files=stiffness.files,
         machine_files=stiffness.machine_files, synthetic=stiffness.synthetic, notes=stiffness.notes,
         estimate=stiffness.estimate, joint_stiffness=stiffness if stiffness.method else None,
     )  # fmt: skip
-    return page.added(study, problem, context)

@@ -20,6 +20,8 @@ from ...results import ArgumentError, Check, SolveStatus, Work, at_most, naming
 from ...results.disk import path_of
 from ...results.status import ModesStatus
 from ...results.work import WorkOptions, study_function
+from ...view.robot import ROD_COLOURS
+from ...view.space import RobotScene, VisiblePart
 from ..causality.point_table import UNIT_LENGTH
 from .modes import AssemblyModes
 from .options import COLUMNS, CommandedPose, ModesStudy
@@ -263,6 +265,7 @@ def _study_of(judged: Judged, title: str) -> ModesStudy:
         **_summary(judged, each, done),
         files={"modes.csv": _csv(each)},
         figures=figures,
+        scenes={"modes": partial(_in_space, judged, title)} if len(each) == 1 and len(judged.results[0].T) else {},
     )
 
 
@@ -397,6 +400,21 @@ def _panels(judged: Judged, title: str) -> Any:
         hands.A[0], hands.B[0], modes.R, modes.T,
         commanded=judged.commanded[0], carts=hands.carts, directions=hands.directions, title=title,
     )  # fmt: skip
+
+
+def _in_space(judged: Judged, title: str) -> RobotScene:
+    """The modes one after another, at their numbers."""
+    hands, modes = judged.hands, judged.results[0]
+    joints = modes.T[:, None] + hands.B[0] @ np.swapaxes(modes.R, 1, 2)
+    links = range(len(hands.A[0]))
+    points: dict[str, Any] = {f"cart joint {k + 1}": hands.A[0][k] for k in links}
+    points |= {f"plate joint {k + 1}": joints[:, k] for k in links} | {"tool centre point": modes.T}
+    colours = {k: ROD_COLOURS[n % len(ROD_COLOURS)] for n, legs in enumerate(hands.carts) for k in legs}
+    ends = [(f"cart joint {k + 1}", f"plate joint {k + 1}") for k in links]
+    parts = [VisiblePart("bar", ends[k], f"link {k + 1}", colours[k]) for k in links]
+    parts += [VisiblePart("bar", ("tool centre point", f"plate joint {k + 1}"), "plate") for k in links]
+    parts += [VisiblePart("joint", (name,), name) for name in points]
+    return RobotScene(points, parts, time=np.arange(1.0, len(modes.T) + 1), title=title, unit="mode")
 
 
 def _statistics(judged: Judged, title: str) -> Any:

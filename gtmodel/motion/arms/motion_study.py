@@ -9,6 +9,7 @@ from typing import Any, Unpack, cast
 
 import numpy as np
 
+from ... import view
 from ...compiler.causal import compile_causal
 from ...kinematics.clearance import Clearance
 from ...kinematics.clearance.distances import RESOLUTION_M
@@ -166,6 +167,7 @@ def _evaluated(
         **distances,
         trajectory=run,
         figures={"motion": partial(_figure, task, run, places)},
+        scenes={"motion": partial(view.scene, task.robot, run)},
         files={REFERENCE: reference_csv(task, run)},
         machine_files=(TRAJECTORY, REFERENCE),
     )

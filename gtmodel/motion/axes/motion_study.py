@@ -10,6 +10,7 @@ from typing import Any, Literal, Unpack
 import numpy as np
 import scipy
 
+from ... import view
 from ...compiler.causal import compile_causal
 from ...geometry.quaternions import angle_between
 from ...lang import Model
@@ -247,6 +248,7 @@ def _evaluated(
         clearance=_clearances(plan, trajectory),
         trajectory=trajectory,
         figures={"motion": partial(_figure, plan, trajectory)},
+        scenes={"motion": partial(view.scene, plan.robot, trajectory)},
         machine_files=(TRAJECTORY,),
     )
 

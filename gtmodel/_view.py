@@ -1,0 +1,46 @@
+"""``gtmodel view``: the page of a robot, or of the motion in a result folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from gtmodel import view
+from gtmodel._report import refuse_another
+from gtmodel.problem_files import robots
+from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.load import validate
+from gtmodel.problem_files.registry import get
+from gtmodel.results import ArgumentError, reading, written
+from gtmodel.results.read_bounds import toml_of
+
+SUFFIX, GIF = ".html", ".gif"
+
+
+def write(what: str, out: Path | None, context: Context) -> Path:
+    """Write the page of a robot, by its reference, or of a result folder; return its path. Raises InputError."""
+    place, is_result = Path(what), (Path(what) / written.RESULT).is_file()
+    name = place.name if is_result else place.name.partition(":")[0].rpartition(".")[0] or place.name
+    target = out or Path(f"{name}{SUFFIX}")
+    if target.suffix != GIF:
+        refuse_another(target, "-o")
+    try:
+        scene = _of_result(place, context) if is_result else view.scene(robots.resolve(what, context), title=name)
+        return scene.write(target)
+    except ArgumentError as error:
+        raise InputError(error.message) from error
+
+
+def _of_result(folder: Path, context: Context) -> view.RobotScene:
+    try:
+        run = toml_of((folder / written.RUN).read_text(encoding="utf-8"))
+        problem: Any = validate(get(run["problem"]["kind"]).Schema, run["problem"])
+        context.folder = Path(run["input"]["problem"]).parent
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{folder / written.RUN} does not say which problem was solved; solve it again") from error
+    motion = reading.read(folder).trajectory
+    if motion is None or not hasattr(problem, "model"):
+        raise InputError(f"'{run['problem']['kind']}' has no motion of a robot; name a robot, or another result")
+    force = getattr(getattr(problem, "limits", None), "force_N", None)
+    limits = {} if force is None else {"tau": (-force, force)}
+    return view.scene(problem.model(context), motion, limits=limits, title=problem.title or motion.title)

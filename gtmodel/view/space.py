@@ -1,0 +1,143 @@
+"""A scene: points in space over time, parts that join them, and signals beside it; one HTML page without a network.
+
+The page is ours: a script of 250 lines on a plain canvas. A robot is bars, joints and plates, needs no meshes, and
+shows in a browser without 3-D graphics too. viser 1.1.1 starts a server to write a page of 0.8 MB, and pins rich and
+websockets below the releases used here; plotly writes 4.8 MB.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ..results import ArgumentError, Trajectory
+from ..results.disk import path_of, write_whole
+from ..results.page.page import MARK
+
+Shape = Literal["bar", "joint", "cart", "face", "guideway", "path", "axes"]
+DIGITS = 7  # of a coordinate behind the point: 0.1 um
+SIGNIFICANT = 6  # digits of a signal
+FIRST = ("N", "N.m", "m", "rad", "m/s", "rad/s")  # units whose signals are shown first
+CHARTS = 6  # signals that are shown; the others are in trajectory.csv
+
+
+@dataclass(frozen=True)
+class VisiblePart:
+    """A part of a scene.
+
+    shape: bar (two points), joint, cart or path (one), face (three or more, convex), guideway (two), axes (four: origin
+    and the ends of x, y and z). points: names of its points in the scene. colour: as "#0072b2"; "" for that of the
+    shape. name: shown at the pointer.
+    """
+
+    shape: Shape
+    points: tuple[str, ...]
+    name: str = ""
+    colour: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class RobotScene:
+    """Points in space over time with the parts that join them.
+
+    Args:
+        points: by name, (n, 3) at each time or (3,) if it stands still [m].
+        parts: what is drawn.
+        time: (n,) [s]; one time for a scene that stands still; or numbers of separate poses, see `unit`.
+        signals: shown beside the scene, at the same times.
+        limits: (low, high) of signals by name, in the unit of the signal.
+        title: of the page.
+        unit: "s"; of separate poses what they are, such as "mode": the page then steps from one to the next.
+
+    Raises ArgumentError for a part with an unknown point, and for points with another number of times.
+
+    >>> tip = gt.view.RobotScene({"a": [0.0, 0.0, 0.0], "b": [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]},
+    ...                     [gt.view.VisiblePart("bar", ("a", "b"))], time=[0.0, 1.0], title="a turning bar")
+    >>> tip.html().count("<html"), tip.at("b", 1.0)
+    (1, array([0., 1., 0.]))
+    """
+
+    points: Mapping[str, Any]
+    parts: Sequence[VisiblePart]
+    time: Any = (0.0,)
+    signals: Trajectory | None = None
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    title: str = ""
+    unit: str = "s"
+
+    def __post_init__(self) -> None:
+        count = len(np.atleast_1d(self.time))
+        for name, value in self.points.items():
+            shape = np.shape(value)
+            if shape not in ((3,), (count, 3)):
+                raise ArgumentError(f"'{name}': expected shape (3,) or ({count}, 3); found {shape}", "points")
+        for part in self.parts:
+            if unknown := [name for name in part.points if name not in self.points]:
+                raise ArgumentError(f"{part.shape} '{part.name}' joins '{unknown[0]}', which is no point", "parts")
+
+    def at(self, point: str, time: float) -> np.ndarray:
+        """Return where a point is at a time [s], (3,) [m]; between two times linear, as the page shows it."""
+        value, times = np.asarray(self.points[point], float), np.atleast_1d(self.time)
+        return value if value.ndim == 1 else np.array([np.interp(time, times, x) for x in value.T])
+
+    def document(self) -> dict[str, Any]:
+        """Return the data of the page: title, time [s], points [m], parts and signals."""
+        names = list(self.points)
+        return {
+            "title": self.title,
+            "unit": self.unit,
+            "time": _rounded(np.atleast_1d(self.time)),
+            "points": {name: _rounded(self.points[name]) for name in names},
+            "parts": [[p.shape, [names.index(n) for n in p.points], p.name, p.colour] for p in self.parts],
+            "signals": [] if self.signals is None else list(self._shown(self.signals)),
+        }
+
+    def _shown(self, signals: Trajectory) -> Any:
+        units = {name: signals.unit(name) or "1" for name in signals.names}
+        names = [n for n in signals.names if np.ndim(signals[n]) < 3 and np.isfinite(signals[n]).all()]
+        order = sorted(names, key=lambda n: (FIRST.index(units[n]) if units[n] in FIRST else len(FIRST), len(n)))
+        for name in order[:CHARTS]:
+            rows = np.asarray(signals[name], float).reshape(len(signals.time), -1).T
+            values = [[float(f"{x:.{SIGNIFICANT}g}") for x in row] for row in rows]
+            yield {"name": name, "unit": units[name], "values": values, "limits": self.limits.get(name)}
+
+    def html(self) -> str:
+        """Return the page; the same scene gives the same text."""
+        folder = Path(__file__).parent
+        style, script = ((folder / name).read_text(encoding="utf-8") for name in ("view.css", "view.js"))
+        data = json.dumps(self.document(), ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+        data = data.replace("</", "<\\/")
+        title = escape(self.title or "scene")
+        return (
+            f'<!DOCTYPE html>\n<html lang="en"><head>{MARK}<meta charset="utf-8"><title>{title}</title>'
+            f'<meta name="viewport" content="width=device-width"><style>\n{style}</style></head>'
+            f'<body><h1>{title}</h1><main></main><script type="application/json" id="scene">'
+            f"{data}</script><script>\n{script}</script></body></html>\n"
+        )
+
+    def write(self, path: str | Path) -> Path:
+        """Write the page into a file, or an animated picture if the name ends in .gif, also over an older one, and
+        return the path. Raises ArgumentError."""
+        from .gif import gif  # here: a page needs no Pillow
+
+        place = path_of(path)
+        content = gif(self) if place.suffix == ".gif" else self.html().encode()
+        try:
+            write_whole(place, content, overwrite=True)
+        except OSError as error:
+            raise ArgumentError(f"{place} cannot be written: {error.strerror}", "path") from error
+        return place
+
+    def _repr_html_(self) -> str:
+        style = "width:100%;height:640px;border:0"
+        return f'<iframe sandbox="allow-scripts" style="{style}" srcdoc="{escape(self.html())}"></iframe>'
+
+
+def _rounded(values: Any) -> Any:
+    return (np.round(np.asarray(values, float), DIGITS) + 0.0).tolist()  # -0 is 0
