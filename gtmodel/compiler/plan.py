@@ -149,8 +149,9 @@ def make_plan(
     def solved(order: _Order) -> list[SolvedBlock]:
         pose = posed.pose is not None
         turns = not order.states and at is None  # a simulated angle may make further turns
+        of, states = order.unknown_of, set(order.states)
         return [
-            solve_block(flat, posed.structure, folded, c, order.unknown_of, signs, order.uses(flat, c), pose, turns)
+            solve_block(flat, posed.structure, folded, c, of, signs, order.uses(flat, c), pose, turns, states)
             for c in order.components
         ]
 
