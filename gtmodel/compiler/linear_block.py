@@ -27,7 +27,7 @@ MIN_PIVOT_RATIO = 1e-3
 SMALL_CORE = 3
 # cost, in fill-in entries, of a pivot of the core that is taken among the others
 CORE_COST = 4
-# cost of a column that should remain for the core
+# cost of a pivot in a column that is held for the core
 HELD_COST = 1e6
 
 Assignments = list[tuple[ca.SX, ca.SX]]
@@ -44,7 +44,7 @@ def solve_linear(
 ) -> Solution:
     """Solve residuals == 0, linear in the unknowns, with the Jacobian of the residuals.
 
-    held: positions of unknowns, as the accelerations of states, which make a symmetric core where others do not.
+    held: positions of unknowns that are eliminated last, as the accelerations of states, which make a symmetric core.
     Returns assignments in order of computation, pivot margins of the core, a description, and the core if it has four
     or more unknowns and is solved apart from the rest.
     """
@@ -53,12 +53,8 @@ def solve_linear(
     found = [(i, j, value) for i, j, value in triplets(jacobian) if not value.is_zero()]
     points = signs.values([value for *_, value in found]).T.tolist()
     entries = [(i, j, _entry(value, point, signs)) for (i, j, value), point in zip(found, points, strict=True)]
-    chosen = _Elimination(entries, rhs, signs, _Constants())
+    chosen = _Elimination(entries, rhs, signs, _Constants(held))
     pairs = chosen.definite_pairs()
-    if pairs is None and held and len(chosen.rows) > SMALL_CORE:
-        other = _Elimination(entries, rhs, signs, _Constants(held))
-        pairs = other.definite_pairs()
-        chosen = other if pairs is not None else chosen
     if pairs is not None:
         mixed = _Elimination(entries, rhs, signs, _Mixed(chosen, pairs))
         n = len(pairs)

@@ -177,23 +177,24 @@ def _greedy(m: np.ndarray, groups: list[list[int]], count: int) -> list[int]:
     """Choose columns by pivoted elimination, group by group; ties go to the first declared column."""
     rest = m.T.copy()  # columns of m, each contiguous
     limit = RANK_TOLERANCE * max(1.0, float(np.max(np.linalg.norm(m, axis=0), initial=0.0)))
+    size = np.sqrt(np.einsum("ij,ij->i", rest, rest))
     chosen: list[int] = []
-    for n, group in enumerate(groups):
+    for group in groups:
         candidates = np.array(group, dtype=int)
-        todo = np.array([j for g in groups[n:] for j in g], dtype=int)
         while candidates.size and len(chosen) < count:
-            columns = rest[candidates]
-            norms = np.sqrt(np.einsum("ij,ij->i", columns, columns))
+            norms = size[candidates]
             top = float(norms.max())
             if top <= limit:
                 break
             pick = int(np.argmax(norms >= top * (1 - 1e-9)))
             j = int(candidates[pick])
             candidates = candidates[candidates != j]
-            todo = todo[todo != j]
             q = rest[j] / norms[pick]
-            others = rest[todo]
-            rest[todo] = others - (others @ q)[:, None] * q
+            shares = rest @ q
+            touched = np.flatnonzero(shares)
+            touched = touched[touched != j]
+            rest[touched] -= shares[touched, None] * q
+            size[touched] = np.sqrt(np.einsum("ij,ij->i", rest[touched], rest[touched]))
             chosen.append(j)
     return chosen
 
