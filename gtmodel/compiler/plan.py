@@ -12,6 +12,7 @@ import numpy as np
 from .._pickling import Portable
 from ..lang.source import ModelError
 from .alias import AliasResult, eliminate
+from .angular_rates import by_angular_rates
 from .blocks import Margin, NewtonBlock, SignAnalysis, SolvedBlock, median
 from .branch import RootSigns, check_branches, follow, open_loops, settle, sides
 from .consistency.home import Moved, home_of, moved, starts_of
@@ -143,6 +144,10 @@ def make_plan(
             frozenset(posed.alias.resolve(i, 0)[1] for i in prefer),
             set(zip(*system.sparsity().get_triplet(), strict=True)),  # entries that are not identically zero
         )
+    stages, turns = by_angular_rates(flat, posed.alias, posed.structure, stages, system, sampler, samples)
+    if turns:
+        posed = replace(posed, derivatives=_replaced(posed.derivatives, turns))
+        folded = posed.derivatives if fold is None else _replaced(folded, turns)
     order = _ordered(posed, stages, folded, rates)
     signs = SignAnalysis(flat, sampler, samples)
 
@@ -199,6 +204,10 @@ def make_plan(
     else:
         plan = follow(plan, sampler)
     return _with_sizes(plan, sampler)
+
+
+def _replaced(derivatives: list[list[ca.SX]], by: Mapping[Pair, ca.SX]) -> list[list[ca.SX]]:
+    return [[by.get((i, m), e) for m, e in enumerate(chain)] for i, chain in enumerate(derivatives)]
 
 
 @dataclass(frozen=True, eq=False)

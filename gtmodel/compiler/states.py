@@ -51,7 +51,9 @@ def choose(
         scaled = [_scaled(flat, structure, m, rows, cols) for m in jacobians if rows]
         groups = _groups(flat, structure, k, cols, solved, preferred)
         solved = _best(flat, structure, k, rows, cols, scaled, groups) if rows else []
-        stages.append(Stage(k, rows, cols, _match(rows, solved, pattern, structure)))
+        matched = match(rows, solved, pattern, structure)
+        assert matched is not None, "a nonsingular matrix has a transversal"
+        stages.append(Stage(k, rows, cols, matched))
     return stages
 
 
@@ -248,10 +250,11 @@ def _dropped(flat: FlatModel, structure: EquationStructure, rows: list[int], col
     return ""
 
 
-def _match(
+def match(
     rows: list[int], chosen: list[int], pattern: set[tuple[int, int]], structure: EquationStructure
-) -> dict[int, int]:
-    """Match rows to chosen columns; an equation must contain the column at its leading order."""
+) -> dict[int, int] | None:
+    """Match rows to as many columns, None if it is not possible; an equation must contain the column at its leading
+    order."""
     if not rows:
         return {}
     entries = [
@@ -260,6 +263,5 @@ def _match(
         for b, j in enumerate(chosen)
         if (i, j) in pattern and structure.d[j] - structure.c[i] == structure.sigma[(i, j)]
     ]
-    match = largest_matching(neighbours_of(len(rows), entries), len(chosen))
-    assert min(match) >= 0, "a nonsingular matrix has a transversal"
-    return {i: chosen[match[a]] for a, i in enumerate(rows)}
+    found = largest_matching(neighbours_of(len(rows), entries), len(chosen))
+    return None if min(found, default=0) < 0 else {i: chosen[found[a]] for a, i in enumerate(rows)}
