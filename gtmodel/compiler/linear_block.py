@@ -27,6 +27,8 @@ MIN_PIVOT_RATIO = 1e-3
 SMALL_CORE = 3
 # cost, in fill-in entries, of a pivot of the core that is taken among the others
 CORE_COST = 4
+# largest number of unknowns of a full symmetric core that is tried where its pivots can be taken among the others
+LARGE_CORE = 30
 # cost of a pivot in a column that is held for the core
 HELD_COST = 1e6
 
@@ -55,19 +57,17 @@ def solve_linear(
     entries = [(i, j, _entry(value, point, signs)) for (i, j, value), point in zip(found, points, strict=True)]
     chosen = _Elimination(entries, rhs, signs, _Constants(held))
     pairs = chosen.definite_pairs()
-    if pairs is not None:
-        mixed = _Elimination(entries, rhs, signs, _Mixed(chosen, pairs))
-        n = len(pairs)
-        if not mixed.rows and mixed.operations < chosen.operations + n * (n + 3) * (n + 2) // 3:
-            order = {j: pivot for j, _, pivot, _ in mixed.steps}
-            margins = [Margin("pivot", order[j], f"{label} ({unknowns[j].name()})") for j in sorted(pairs.values())]
-            detail = f"{len(order)} pivots eliminated, {n} of them state-dependent"
-            return _assignments(mixed.steps, unknowns), margins, detail, None
-    size = len(chosen.rows)
-    assignments, margins, core = chosen.core(pairs, unknowns, label) if size else ([], [], None)
-    kind = "dense" if pairs is None else "symmetric"
-    detail = f"{len(chosen.steps)} pivots eliminated" + (f", {kind} core of {size}" if size else "")
-    return assignments + _assignments(chosen.steps, unknowns), margins, detail, core
+    if pairs is None:
+        return chosen.solution(None, unknowns, label)
+    mixed = _Elimination(entries, rhs, signs, _Mixed(chosen, pairs))
+    kinds = [mixed] if not mixed.rows else []
+    if not kinds or len(pairs) <= LARGE_CORE or 2 * sum(map(len, chosen.rows.values())) < len(pairs) ** 2:
+        kinds.append(chosen)
+    return min([k.solution(pairs, unknowns, label) for k in kinds], key=_operations)
+
+
+def _operations(solution: Solution) -> int:
+    return ca.n_nodes(ca.vertcat(*[value for _, value in solution[0]]))
 
 
 class _Entry(NamedTuple):
@@ -150,7 +150,7 @@ class _Elimination:
             self.columns.setdefault(j, set()).add(i)
         self.rhs, self._signs, self._rule = list(rhs), signs, rule
         self.steps: list[Step] = []
-        self.operations = 0
+        self._varying: dict[int, ca.SX] = {}
         self._largest = {j: self._largest_of(j) for j in self.columns}
         best: dict[int, tuple[float, int]] = {}
         changed = set(self.rows)
@@ -214,7 +214,8 @@ class _Elimination:
         for k in row:
             self._largest[k] = self._largest_of(k)
         self.steps.append((j, {k: e.value for k, e in row.items()}, pivot.value, self.rhs[i]))
-        self.operations += 2 * (len(others) + 1) * (len(row) + 1)
+        if pivot.kind is None:
+            self._varying[j] = pivot.value
         changed = {n for k in row for n in self.columns[k]}.union(others, self._rule.taken(i, j))
         return changed & self.rows.keys()
 
@@ -257,7 +258,24 @@ class _Elimination:
             return None
         return {rows[i]: columns[j] for j, i in enumerate(order)}
 
-    def core(
+    def solution(self, pairs: Mapping[int, int] | None, unknowns: list[ca.SX], label: str) -> Solution:
+        """Solve what remains, `pairs` if it is definite, and return the assignments of all unknowns."""
+        done = [Margin("pivot", pivot, f"{label} ({unknowns[j].name()})") for j, pivot in sorted(self._varying.items())]
+        core: DenseCore | None = None
+        first: Assignments = []
+        detail = f"{len(self.steps)} pivots eliminated"
+        if self.rows:
+            first, done, core = self._core(pairs, unknowns, label)
+            detail += f", {'dense' if pairs is None else 'symmetric'} core of {len(self.rows)}"
+        elif self._varying:
+            detail += f", {len(self._varying)} of them state-dependent"
+        for j, row, pivot, value in reversed(self.steps):
+            for k in sorted(row):
+                value = difference(value, product(row[k], unknowns[k]))
+            first.append((unknowns[j], quotient(value, pivot)))
+        return first, done, detail, core
+
+    def _core(
         self, pairs: Mapping[int, int] | None, unknowns: list[ca.SX], label: str
     ) -> tuple[Assignments, list[Margin], DenseCore | None]:
         """Solve what remains by division, determinants, LDL^T or QR; their pivots show how near it is to singular."""
@@ -279,16 +297,6 @@ class _Elimination:
         margins = [Margin("pivot", p, f"{label} ({unknowns[j].name()})") for j, p in named]
         core = DenseCore([unknowns[j] for j in columns], a, b) if n > SMALL_CORE else None
         return [(unknowns[j], x[c]) for c, j in enumerate(columns)], margins, core
-
-
-def _assignments(steps: list[Step], unknowns: list[ca.SX]) -> Assignments:
-    """Return the unknowns of eliminated equations, the last one first."""
-    assignments: Assignments = []
-    for j, row, pivot, value in reversed(steps):
-        for k in sorted(row):
-            value = difference(value, product(row[k], unknowns[k]))
-        assignments.append((unknowns[j], quotient(value, pivot)))
-    return assignments
 
 
 def _difference(a: ca.SX, b: ca.SX) -> ca.SX:
