@@ -116,4 +116,6 @@ def _rates(
     exact = samples[:, [sampler.position[index, 1] for index in places]]
     largest = np.max(np.abs(exact))
     turned = largest > TURNING and np.all(np.abs(found - exact) <= SAME * largest, axis=0)
-    return {index: rates[index] for index, good in zip(places, np.broadcast_to(turned, len(places)), strict=True) if good}
+    return {
+        index: rates[index] for index, good in zip(places, np.broadcast_to(turned, len(places)), strict=True) if good
+    }

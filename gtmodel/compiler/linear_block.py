@@ -25,8 +25,6 @@ CANCELLED = 1e-13
 MIN_PIVOT_RATIO = 1e-3
 # largest number of unknowns of a core that is solved with determinants
 SMALL_CORE = 3
-# cost, in fill-in entries, of a pivot of the core that is taken among the others
-CORE_COST = 4
 # largest number of unknowns of a full symmetric core that is tried where its pivots can be taken among the others
 LARGE_CORE = 30
 # cost of a pivot in a column that is held for the core
@@ -91,6 +89,10 @@ class _Constants:
     def __init__(self, held: Collection[int] = ()) -> None:
         self._held = frozenset(held)
 
+    def fill(self, row: int, column: int) -> int:
+        """Return the entries that a pivot may fill in, for the counts of its row and column."""
+        return (row - 1) * (column - 1)
+
     def cost(self, i: int, j: int, entry: _Entry, fill: int, largest: float) -> float:
         """Return the cost of entry (i, j), infinite if it is no allowed pivot or tiny relative to its column."""
         if entry.kind is None or not entry.size >= MIN_PIVOT_RATIO * largest:
@@ -114,6 +116,10 @@ class _Mixed(_Constants):
         self._place = {i: k for k, i in enumerate(pairs)}
         self._rest = core.numbers(list(pairs), list(pairs.values()))
 
+    def fill(self, row: int, column: int) -> int:
+        """Return the operations of a pivot: by fill-in alone, bodies are eliminated as far as possible from each other."""
+        return 2 * (row - 1) * (column - 1) + row + column
+
     def cost(self, i: int, j: int, entry: _Entry, fill: int, largest: float) -> float:
         if i not in self._pairs:
             return math.inf if j in self._columns else super().cost(i, j, entry, fill, largest)
@@ -123,7 +129,7 @@ class _Mixed(_Constants):
         final = self._rest[:, k, k]
         if not np.all(np.abs(np.array(entry.points) - final) <= EQUAL * np.abs(final)):
             return math.inf
-        return CORE_COST + pivot_cost("constant", fill, entry.size, largest)
+        return pivot_cost("constant", fill, entry.size, largest)
 
     def taken(self, i: int, j: int) -> Collection[int]:
         if i not in self._pairs:
@@ -178,7 +184,7 @@ class _Elimination:
         """Return the cost and the column of the cheapest pivot of a row; None if it has none."""
         best, row = (math.inf, -1), self.rows[i]
         for j in sorted(row):
-            fill = (len(row) - 1) * (len(self.columns[j]) - 1)
+            fill = self._rule.fill(len(row), len(self.columns[j]))
             if fill < best[0]:
                 cost = self._rule.cost(i, j, row[j], fill, self._largest[j])
                 best = min(best, (cost, j)) if cost < math.inf else best

@@ -198,7 +198,8 @@ class TestDefiniteCore:
     """Mass matrices and matrices of constraint forces are symmetric and definite: no QR, operations grow as bodies."""
 
     @pytest.mark.parametrize(
-        "model,known,target,prefer", [(angle_chain, "torque", "der(phi,2)", "phi"), (cartesian_chain, (), "der(r,2)", ())]
+        "model,known,target,prefer",
+        [(angle_chain, "torque", "der(phi,2)", "phi"), (cartesian_chain, (), "der(r,2)", ())],
     )
     def test_operations_of_a_chain_grow_as_its_bodies(self, model, known, target, prefer):
         few, many = (model(n)().causal(known, target, prefer=prefer).closed.n_instructions() for n in (10, 20))
@@ -211,7 +212,9 @@ class TestDefiniteCore:
         phi, rate, torque = np.random.default_rng(3).uniform(-2.0, 2.0, (3, 5, n))
         found, status = f(phi, rate, torque)
         assert np.all(status == gt.Status.OK)
-        for k in range(len(phi)):  # unit masses and lengths: cos(phi_i - phi_j) times the masses outwards of both; `torque` is by the link
+        for k in range(
+            len(phi)
+        ):  # unit masses and lengths: cos(phi_i - phi_j) times the masses outwards of both; `torque` is by the link
             outwards = n - np.maximum.outer(np.arange(n), np.arange(n))
             apart = np.subtract.outer(phi[k], phi[k])
             bias = (outwards * np.sin(apart)) @ rate[k] ** 2 + 9.81 * (n - np.arange(n)) * np.sin(phi[k])
