@@ -164,8 +164,8 @@ class SignAnalysis:
         varying = [n for n, e in enumerate(expressions) if not e.is_constant()]
         if varying:
             f = ca.Function("values", self._arguments, [ca.vertcat(*[expressions[n] for n in varying])])
-            found = (f.map(self.count) if self.count > 1 else f).call(self._points)[0]
-            values[:, varying] = np.array(ca.densify(found).nonzeros()).reshape(self.count, -1)
+            columns = (f.map(self.count) if self.count > 1 else f).call(self._points)[0]
+            values[:, varying] = np.array(ca.densify(columns).nonzeros()).reshape(self.count, -1)
         return values
 
     def sizes(self, expressions: Sequence[ca.SX]) -> list[float]:

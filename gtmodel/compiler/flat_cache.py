@@ -176,12 +176,8 @@ def with_tunable(model: Model, names: Sequence[str]) -> tuple[Model, dict[str, A
     """
     if isinstance(model, (Builder, Optimization)):
         return model, {}
-    rest, values = model.__dict__["_modifiers"], dict[str, Any]()
-    for name in names:
-        rest, value = _without(rest, name.split("."))
-        if value is not None:
-            values[name] = value
-    content = Content((type(model)(**rest), tuple(values)))
+    rest, values = model._apart_from(names)
+    content = Content((rest, tuple(values)))
     if not values or not content.whole:
         first, values = model, {}
     else:
@@ -191,18 +187,6 @@ def with_tunable(model: Model, names: Sequence[str]) -> tuple[Model, dict[str, A
         with about(f"tunable.{name}"):
             _record(flat, name)
     return first, values
-
-
-def _without(modifiers: Mapping[str, Any], path: Sequence[str]) -> tuple[dict[str, Any], Any]:
-    """Return the modifiers without the one at this path, and its value; None if there is none."""
-    name, *inner = path
-    old = modifiers.get(name)
-    if not inner:
-        return {k: v for k, v in modifiers.items() if k != name}, old
-    if not isinstance(old, dict):
-        return dict(modifiers), None
-    rest, value = _without(old, inner)
-    return {**modifiers, name: rest}, value
 
 
 @lru_cache(maxsize=KEPT)

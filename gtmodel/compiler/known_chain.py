@@ -22,7 +22,7 @@ from .blocks import Margin, NewtonBlock, Root, SolvedBlock
 from .consistency.points import Sampler
 from .degrees_of_freedom import degrees_of_freedom
 from .flat import FlatModel
-from .quadric import nearest_turn
+from .closed_form.quadric import nearest_turn
 from .rows import map_columns
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import numpy as np
 from .._pickling import Portable
 from ..lang.source import ModelError
 from .alias import AliasResult, eliminate
-from .angular_rates import by_angular_rates
+from .analysis.angular_rates import by_angular_rates
 from .blocks import Margin, NewtonBlock, SignAnalysis, SolvedBlock, median
 from .branch import RootSigns, check_branches, follow, open_loops, settle, sides
 from .consistency.home import Moved, home_of, moved, starts_of

@@ -9,9 +9,9 @@ import numpy as np
 
 from .blocks import NewtonBlock, SignAnalysis, SolvedBlock
 from .flat import FlatModel
-from .linear_block import solve_linear
+from .closed_form.linear_block import solve_linear
 from .matrices import stacked
-from .quadric import NoClosedForm, eliminate_explicit, solve_angle, solve_nonlinear
+from .closed_form.quadric import NoClosedForm, eliminate_explicit, solve_angle, solve_nonlinear
 from .rewriting import is_nonsmooth, kinked_in
 from .structure import EquationStructure
 from .tearing import torn

@@ -263,5 +263,5 @@ def match(
         for b, j in enumerate(chosen)
         if (i, j) in pattern and structure.d[j] - structure.c[i] == structure.sigma[(i, j)]
     ]
-    found = largest_matching(neighbours_of(len(rows), entries), len(chosen))
-    return None if min(found, default=0) < 0 else {i: chosen[found[a]] for a, i in enumerate(rows)}
+    column = largest_matching(neighbours_of(len(rows), entries), len(chosen))
+    return None if min(column, default=0) < 0 else {i: chosen[column[a]] for a, i in enumerate(rows)}

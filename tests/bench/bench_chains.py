@@ -10,6 +10,7 @@ Operations are CasADi's after elimination of common subexpressions, without read
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from functools import partial
 
 import casadi as ca
@@ -45,14 +46,20 @@ def chains() -> bool:
     print("|---|" + "---:|" * len(LENGTHS) + "---:|---|---:|---:|---:|---|")
     good = True
     for title, (make, compile) in CHAINS.items():
-        found = [measure(partial(lambda make, n: make(n)(), make, n), compile) for n in LENGTHS]
+        found = [measure(partial(_made, make, n), compile) for n in LENGTHS]
         sizes = [m.function.closed.n_instructions() for m in found]
         exponent, seconds = growth(sizes, LENGTHS), [m.total for m in found]
         fast, few = seconds[-1] <= SECONDS, exponent <= EXPONENT
         good &= fast and few
-        print(f"| {title} | " + " | ".join(f"{s:.2f}" for s in seconds) + f" | {SECONDS:g} | {_verdict(fast)} | "
-              f"{', '.join(map(str, sizes))} | {exponent:.2f} | {EXPONENT:g} | {_verdict(few)} |", flush=True)  # fmt: skip
+        times = " | ".join(f"{s:.2f}" for s in seconds)
+        counts = ", ".join(map(str, sizes))
+        print(f"| {title} | {times} | {SECONDS:g} | {_verdict(fast)} | {counts} | {exponent:.2f} | {EXPONENT:g} "
+              f"| {_verdict(few)} |", flush=True)  # fmt: skip
     return good
+
+
+def _made(make: Callable[[int], type[gt.Model]], n: int) -> gt.Model:
+    return make(n)()
 
 
 def arms() -> bool:

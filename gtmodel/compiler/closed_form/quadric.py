@@ -6,9 +6,9 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from .blocks import Margin, Root, SignAnalysis, pivot_cost
-from .matrices import elements, triplets
-from .rewriting import applied, kinked_in, of_expression, walked
+from ..blocks import Margin, Root, SignAnalysis, pivot_cost
+from ..matrices import elements, triplets
+from ..rewriting import applied, kinked_in, of_expression, walked
 
 NONLINEAR_ROW = 1000  # costs more than any fill-in, so that it is used last
 

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from .blocks import EQUAL, DenseCore, Margin, SignAnalysis, pivot_cost
-from .matrices import difference, product, quotient, stacked, triplets
+from ..blocks import EQUAL, DenseCore, Margin, SignAnalysis, pivot_cost
+from ..matrices import difference, product, quotient, stacked, triplets
 
 # relative difference of constants below which it is round-off of zero: entries are short decimals, seldom 1e-12
 CANCELLED = 1e-13
@@ -50,9 +50,9 @@ def solve_linear(
     """
     at_zero = ca.substitute(stacked(residuals), stacked(unknowns), ca.SX.zeros(len(unknowns), 1))
     rhs = [-at_zero[i] for i in range(len(residuals))]
-    found = [(i, j, value) for i, j, value in triplets(jacobian) if not value.is_zero()]
-    points = signs.values([value for *_, value in found]).T.tolist()
-    entries = [(i, j, _entry(value, point, signs)) for (i, j, value), point in zip(found, points, strict=True)]
+    filled = [(i, j, value) for i, j, value in triplets(jacobian) if not value.is_zero()]
+    points = signs.values([value for *_, value in filled]).T.tolist()
+    entries = [(i, j, _entry(value, point, signs)) for (i, j, value), point in zip(filled, points, strict=True)]
     chosen = _Elimination(entries, rhs, signs, _Constants(held))
     pairs = chosen.definite_pairs()
     if pairs is None:
@@ -117,7 +117,7 @@ class _Mixed(_Constants):
         self._rest = core.numbers(list(pairs), list(pairs.values()))
 
     def fill(self, row: int, column: int) -> int:
-        """Return the operations of a pivot: by fill-in alone, bodies are eliminated as far as possible from each other."""
+        """Return the operations of a pivot; by fill-in alone, bodies far from each other would be eliminated in turn."""
         return 2 * (row - 1) * (column - 1) + row + column
 
     def cost(self, i: int, j: int, entry: _Entry, fill: int, largest: float) -> float:

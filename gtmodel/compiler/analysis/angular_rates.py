@@ -11,13 +11,13 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from .alias import AliasResult
-from .consistency.points import Sampler
-from .flat import FlatModel
-from .graph import largest_matching, neighbours_of
-from .matrices import triplets
-from .states import Stage, match
-from .structure import EquationStructure
+from ..alias import AliasResult
+from ..consistency.points import Sampler
+from ..flat import FlatModel
+from ..graph import largest_matching, neighbours_of
+from ..matrices import triplets
+from ..states import Stage, match
+from ..structure import EquationStructure
 
 # largest difference of der(R) and w x R at a consistent point, relative to the largest rate
 SAME = 1e-8
@@ -79,8 +79,8 @@ def _solved_for(flat: FlatModel, structure: EquationStructure, column: dict[int,
             continue
         slopes = ca.jacobian(e.residual, ca.vertcat(*[flat.scope.symbol(index, 0) for index in mine]))
         entries += [(i, column[mine[n]]) for _, n, s in triplets(slopes) if s.is_constant() and abs(float(s)) == 1.0]
-    found = largest_matching(neighbours_of(len(structure.equations), entries), len(structure.unknowns))
-    return {i: j for i, j in enumerate(found) if j >= 0}
+    pairs = largest_matching(neighbours_of(len(structure.equations), entries), len(structure.unknowns))
+    return {i: j for i, j in enumerate(pairs) if j >= 0}
 
 
 def _rates(
@@ -112,10 +112,10 @@ def _rates(
     if any(p not in sampler.position for p in flat.scope.symbols_in(flat_rates)):
         return {}
     f = ca.Function("rates", [sampler.w], [flat_rates])
-    found = np.array([np.asarray(f(w)).reshape(-1) for w in samples])
+    computed = np.array([np.asarray(f(w)).reshape(-1) for w in samples])
     exact = samples[:, [sampler.position[index, 1] for index in places]]
     largest = np.max(np.abs(exact))
-    turned = largest > TURNING and np.all(np.abs(found - exact) <= SAME * largest, axis=0)
+    turned = largest > TURNING and np.all(np.abs(computed - exact) <= SAME * largest, axis=0)
     return {
         index: rates[index] for index, good in zip(places, np.broadcast_to(turned, len(places)), strict=True) if good
     }
