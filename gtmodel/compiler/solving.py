@@ -8,10 +8,10 @@ import casadi as ca
 import numpy as np
 
 from .blocks import NewtonBlock, SignAnalysis, SolvedBlock
-from .flat import FlatModel
 from .closed_form.linear_block import solve_linear
-from .matrices import stacked
 from .closed_form.quadric import NoClosedForm, eliminate_explicit, solve_angle, solve_nonlinear
+from .flat import FlatModel
+from .matrices import stacked
 from .rewriting import is_nonsmooth, kinked_in
 from .structure import EquationStructure
 from .tearing import torn

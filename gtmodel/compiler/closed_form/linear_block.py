@@ -117,7 +117,7 @@ class _Mixed(_Constants):
         self._rest = core.numbers(list(pairs), list(pairs.values()))
 
     def fill(self, row: int, column: int) -> int:
-        """Return the operations of a pivot; by fill-in alone, bodies far from each other would be eliminated in turn."""
+        """Return the operations of a pivot; by fill-in alone the order would jump between bodies."""
         return 2 * (row - 1) * (column - 1) + row + column
 
     def cost(self, i: int, j: int, entry: _Entry, fill: int, largest: float) -> float:
