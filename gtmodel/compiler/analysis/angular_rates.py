@@ -70,7 +70,7 @@ def by_angular_rates(
 
 
 def _solved_for(flat: FlatModel, structure: EquationStructure, column: dict[int, int]) -> dict[int, int]:
-    """Return for each equation among rotations alone the column of the entry, with the factor 1 or -1, that it gives."""
+    """Return for each equation among rotations and angles the column of an entry with the factor 1 or -1."""
     entries: list[tuple[int, int]] = []
     within = flat.scope.symbols_in_each([e.residual for e in structure.equations])
     for i, (e, pairs) in enumerate(zip(structure.equations, within, strict=True)):
@@ -105,17 +105,16 @@ def _rates(
             r, k = divmod(n, 3)
             y, z = (r + 1) % 3, (r + 2) % 3
             rates[R[n]] = symbol(w[y]) * symbol(R[3 * z + k]) - symbol(w[z]) * symbol(R[3 * y + k])
-    places = [index for index in rates if (index, 1) in sampler.position]
+    used = flat.scope.symbols_in_each(list(rates.values()))
+    inside = [
+        all(p in sampler.position for p in [(index, 1), *pairs]) for index, pairs in zip(rates, used, strict=True)
+    ]
+    places = [index for index, good in zip(rates, inside, strict=True) if good]
     if not places:
         return {}
-    flat_rates = ca.vertcat(*[rates[index] for index in places])
-    if any(p not in sampler.position for p in flat.scope.symbols_in(flat_rates)):
-        return {}
-    f = ca.Function("rates", [sampler.w], [flat_rates])
+    f = ca.Function("rates", [sampler.w], [ca.vertcat(*[rates[index] for index in places])])
     computed = np.array([np.asarray(f(w)).reshape(-1) for w in samples])
     exact = samples[:, [sampler.position[index, 1] for index in places]]
     largest = np.max(np.abs(exact))
-    turned = largest > TURNING and np.all(np.abs(computed - exact) <= SAME * largest, axis=0)
-    return {
-        index: rates[index] for index, good in zip(places, np.broadcast_to(turned, len(places)), strict=True) if good
-    }
+    turned = (largest > TURNING) & np.all(np.abs(computed - exact) <= SAME * largest, axis=0)
+    return {index: rates[index] for index, good in zip(places, turned, strict=True) if good}
