@@ -66,10 +66,10 @@ def arms() -> bool:
     print("\n| forward dynamics | articulated bodies | composite bodies | gtmodel | ratio | goal | |")
     print("|---|---:|---:|---:|---:|---:|---|")
     good = True
-    for name, numbers in ARMS.items():
-        robot, n = arm(*numbers), len(numbers[0])
+    for name, (a, d, alpha) in ARMS.items():
+        robot, n = arm(a, d, alpha), len(a)
         q, rate, torque = (ca.SX.sym(name, n) for name in ("q", "rate", "torque"))
-        links = hand.links_of(robot, *numbers, q)
+        links = hand.links_of(robot, a, d, alpha, q)
         ways = (hand.by_articulated_bodies, hand.by_composite_bodies)
         rivals = [ca.Function("rival", [q, rate, torque], [hand.shortened(way(links, rate, torque))]) for way in ways]
         ours = causal("tau", "der(q,2)", "q")(robot)
