@@ -152,18 +152,25 @@ class SignAnalysis:
             return "constant" if float(e) != 0.0 else None
         return "parameter" if self.sign(e) != UNKNOWN else None
 
+    @property
+    def count(self) -> int:
+        """The number of consistent points."""
+        return int(self._points[0].shape[1])
+
+    def values(self, expressions: Sequence[ca.SX]) -> np.ndarray:
+        """Return the values at the consistent points (points, expressions)."""
+        constant = [float(e) if e.is_constant() else 0.0 for e in expressions]
+        values = np.repeat([constant], self.count, axis=0)
+        varying = [n for n, e in enumerate(expressions) if not e.is_constant()]
+        if varying:
+            f = ca.Function("values", self._arguments, [ca.vertcat(*[expressions[n] for n in varying])])
+            columns = (f.map(self.count) if self.count > 1 else f).call(self._points)[0]
+            values[:, varying] = np.array(ca.densify(columns).nonzeros()).reshape(self.count, -1)
+        return values
+
     def sizes(self, expressions: Sequence[ca.SX]) -> list[float]:
         """Return typical magnitudes: the medians over the consistent points."""
-        constant = [e.is_constant() for e in expressions]
-        sizes = [abs(float(e)) if c else 0.0 for e, c in zip(expressions, constant, strict=True)]
-        varying = [n for n, c in enumerate(constant) if not c]
-        if varying:
-            f = ca.Function("sizes", self._arguments, [ca.vertcat(*[expressions[n] for n in varying])])
-            count = self._points[0].shape[1]
-            values = (f.map(count) if count > 1 else f).call(self._points)[0]
-            medians = median(np.abs(np.array(ca.densify(values).nonzeros())).reshape(count, -1))
-            for n, value in zip(varying, medians.tolist(), strict=True):
-                sizes[n] = value
+        sizes: list[float] = median(np.abs(self.values(expressions))).tolist()
         return sizes
 
     def at_home(self, e: ca.SX) -> float:

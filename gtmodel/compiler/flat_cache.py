@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from threading import get_ident
@@ -166,3 +166,29 @@ def flat_of(model: Model | Builder) -> FlatModel:
 @lru_cache(maxsize=KEPT)
 def shared(configuration: _Configuration) -> FlatModel:
     return flattened(configuration.model)
+
+
+def with_tunable(model: Model, names: Sequence[str]) -> tuple[Model, dict[str, Any]]:
+    """Return a model that all models share which differ only in these modifiers, and the values of this one by name.
+
+    Names without a modifier, and all names of a Builder or a model that is not cached, keep their values in the model.
+    Raises ModelError for a name that is not a parameter with a value of its own.
+    """
+    if isinstance(model, (Builder, Optimization)):
+        return model, {}
+    rest, values = model._apart_from(names)
+    content = Content((rest, tuple(values)))
+    if not values or not content.whole:
+        first, values = model, {}
+    else:
+        first = _first(_Configuration(model, content))
+    flat = flat_of(first)
+    for name in names:
+        with about(f"tunable.{name}"):
+            _record(flat, name)
+    return first, values
+
+
+@lru_cache(maxsize=KEPT)
+def _first(configuration: _Configuration) -> Model:
+    return configuration.model

@@ -19,10 +19,10 @@ from ..geometry.chains.search import ChainSearch
 from ..lang.source import ModelError
 from .alias import AliasResult
 from .blocks import Margin, NewtonBlock, Root, SolvedBlock
+from .closed_form.quadric import nearest_turn
 from .consistency.points import Sampler
 from .degrees_of_freedom import degrees_of_freedom
 from .flat import FlatModel
-from .quadric import nearest_turn
 from .rows import map_columns
 
 if TYPE_CHECKING:

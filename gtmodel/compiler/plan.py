@@ -12,6 +12,7 @@ import numpy as np
 from .._pickling import Portable
 from ..lang.source import ModelError
 from .alias import AliasResult, eliminate
+from .analysis.angular_rates import by_angular_rates
 from .blocks import Margin, NewtonBlock, SignAnalysis, SolvedBlock, median
 from .branch import RootSigns, check_branches, follow, open_loops, settle, sides
 from .consistency.home import Moved, home_of, moved, starts_of
@@ -169,14 +170,19 @@ def _unsettled(
             frozenset(posed.alias.resolve(i, 0)[1] for i in prefer),
             set(zip(*system.sparsity().get_triplet(), strict=True)),  # entries that are not identically zero
         )
+    stages, turns = by_angular_rates(flat, posed.alias, posed.structure, stages, system, sampler, samples)
+    if turns:
+        posed = replace(posed, derivatives=_replaced(posed.derivatives, turns))
+        folded = posed.derivatives if fold is None else _replaced(folded, turns)
     order = _ordered(posed, stages, folded, rates)
     signs = SignAnalysis(flat, sampler, samples)
 
     def solved(order: _Order) -> list[SolvedBlock]:
         pose = posed.pose is not None
         turns = not order.states and at is None  # a simulated angle may make further turns
+        of, states = order.unknown_of, set(order.states)
         return [
-            solve_block(flat, posed.structure, folded, c, order.unknown_of, signs, order.uses(flat, c), pose, turns)
+            solve_block(flat, posed.structure, folded, c, of, signs, order.uses(flat, c), pose, turns, states)
             for c in order.components
         ]
 
@@ -217,6 +223,10 @@ def _unsettled(
         system=system, conditions=posed.conditions, on_known=on_known, undetermined=posed.undetermined, moved=changed,
         chain=chain, singular=bool(regular),
     )  # fmt: skip
+
+
+def _replaced(derivatives: list[list[ca.SX]], by: Mapping[Pair, ca.SX]) -> list[list[ca.SX]]:
+    return [[by.get((i, m), e) for m, e in enumerate(chain)] for i, chain in enumerate(derivatives)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,7 +51,9 @@ def choose(
         scaled = [_scaled(flat, structure, m, rows, cols) for m in jacobians if rows]
         groups = _groups(flat, structure, k, cols, solved, preferred)
         solved = _best(flat, structure, k, rows, cols, scaled, groups) if rows else []
-        stages.append(Stage(k, rows, cols, _match(rows, solved, pattern, structure)))
+        matched = match(rows, solved, pattern, structure)
+        assert matched is not None, "a nonsingular matrix has a transversal"
+        stages.append(Stage(k, rows, cols, matched))
     return stages
 
 
@@ -177,23 +179,24 @@ def _greedy(m: np.ndarray, groups: list[list[int]], count: int) -> list[int]:
     """Choose columns by pivoted elimination, group by group; ties go to the first declared column."""
     rest = m.T.copy()  # columns of m, each contiguous
     limit = RANK_TOLERANCE * max(1.0, float(np.max(np.linalg.norm(m, axis=0), initial=0.0)))
+    size = np.sqrt(np.einsum("ij,ij->i", rest, rest))
     chosen: list[int] = []
-    for n, group in enumerate(groups):
+    for group in groups:
         candidates = np.array(group, dtype=int)
-        todo = np.array([j for g in groups[n:] for j in g], dtype=int)
         while candidates.size and len(chosen) < count:
-            columns = rest[candidates]
-            norms = np.sqrt(np.einsum("ij,ij->i", columns, columns))
+            norms = size[candidates]
             top = float(norms.max())
             if top <= limit:
                 break
             pick = int(np.argmax(norms >= top * (1 - 1e-9)))
             j = int(candidates[pick])
             candidates = candidates[candidates != j]
-            todo = todo[todo != j]
             q = rest[j] / norms[pick]
-            others = rest[todo]
-            rest[todo] = others - (others @ q)[:, None] * q
+            shares = rest @ q
+            touched = np.flatnonzero(shares)
+            touched = touched[touched != j]
+            rest[touched] -= shares[touched, None] * q
+            size[touched] = np.sqrt(np.einsum("ij,ij->i", rest[touched], rest[touched]))
             chosen.append(j)
     return chosen
 
@@ -247,10 +250,11 @@ def _dropped(flat: FlatModel, structure: EquationStructure, rows: list[int], col
     return ""
 
 
-def _match(
+def match(
     rows: list[int], chosen: list[int], pattern: set[tuple[int, int]], structure: EquationStructure
-) -> dict[int, int]:
-    """Match rows to chosen columns; an equation must contain the column at its leading order."""
+) -> dict[int, int] | None:
+    """Match rows to as many columns, None if it is not possible; an equation must contain the column at its leading
+    order."""
     if not rows:
         return {}
     entries = [
@@ -259,6 +263,5 @@ def _match(
         for b, j in enumerate(chosen)
         if (i, j) in pattern and structure.d[j] - structure.c[i] == structure.sigma[(i, j)]
     ]
-    match = largest_matching(neighbours_of(len(rows), entries), len(chosen))
-    assert min(match) >= 0, "a nonsingular matrix has a transversal"
-    return {i: chosen[match[a]] for a, i in enumerate(rows)}
+    column = largest_matching(neighbours_of(len(rows), entries), len(chosen))
+    return None if min(column, default=0) < 0 else {i: chosen[column[a]] for a, i in enumerate(rows)}

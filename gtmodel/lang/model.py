@@ -160,6 +160,15 @@ class Model(Interned):
         """
         return type(self)(**_merged(self.__dict__["_modifiers"], modifiers))
 
+    def _apart_from(self, names: Iterable[str]) -> tuple[Model, dict[str, Any]]:
+        """Return the model without the modifiers of these names, such as "arm.m", and their values by name."""
+        rest, values = self.__dict__["_modifiers"], dict[str, Any]()
+        for name in names:
+            rest, value = _without(rest, name.split("."))
+            if value is not None:
+                values[name] = value
+        return type(self)(**rest), values
+
     def equations(self) -> Iterable[Any]:
         """Yield equations (`a == b`), connections, branches and energies; `super().equations()` yields the base's."""
         return ()
@@ -246,6 +255,18 @@ def walk_declarations(cls: type[Model]) -> Iterator[tuple[str, Declaration]]:
 def _merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
     both = {k: _merged(old[k], v) for k, v in new.items() if isinstance(v, dict) and isinstance(old.get(k), dict)}
     return {**old, **new, **both}
+
+
+def _without(modifiers: dict[str, Any], path: list[str]) -> tuple[dict[str, Any], Any]:
+    """Return the modifiers without the one at this path, and its value; None if there is none."""
+    name, *inner = path
+    old = modifiers.get(name)
+    if not inner:
+        return {k: v for k, v in modifiers.items() if k != name}, old
+    if not isinstance(old, dict):
+        return modifiers, None
+    rest, value = _without(old, inner)
+    return {**modifiers, name: rest}, value
 
 
 def _frozen(value: Any) -> Any:

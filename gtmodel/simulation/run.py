@@ -10,6 +10,7 @@ import numpy as np
 
 from ..compiler.analysis.switching import with_switching_signs
 from ..compiler.causal import flat_of
+from ..compiler.flat_cache import with_tunable
 from ..lang.model import Model
 from ..lang.slips import named
 from ..lang.source import ModelError
@@ -112,6 +113,7 @@ def simulate(
     inputs: Mapping[str, Any] | None = None,
     start: Mapping[str, Any] | None = None,
     parameters: Mapping[str, Any] | None = None,
+    tunable: Sequence[str] | str = (),
     step: float | None = None,
     max_step: float | None = None,
     outputs: Sequence[str] | str = (),
@@ -130,9 +132,10 @@ def simulate(
             prescribed; other start attributes are guesses. States that are still free start as close to zero as
             possible.
         parameters: values of parameters by name, e.g. {"m_p": 40.0}, instead of the model's values. Runs that name the
-            same parameters share all preparation: a sweep only costs its integrations, while each
-            `model.with_(m_p=...)` is compiled again. The named parameters stay symbols in the equations, so results
-            agree with those of `with_` within the tolerance, not bit for bit.
+            same parameters share all preparation: a sweep only costs its integrations. The named parameters stay
+            symbols in the equations, so results agree with those of `with_` within the tolerance, not bit for bit.
+        tunable: names of parameters for which the same holds with the values that the model was given. Without it each
+            `model.with_(m_p=...)` is compiled again.
         step: interval [s] of the recorded rows; default a 500th of the run. The integrator chooses its own steps.
         max_step: longest internal step [s]. It is not needed for short pulses of functions of time in inputs and
             equations: these are found at any length if they deviate from a straight line by more than a ten-thousandth
@@ -178,6 +181,9 @@ def simulate(
     start_time, final_time = span(final_time, start_time)
     step = output_step(step, final_time - start_time)
     max_step = longest_step(max_step, final_time - start_time)
+    if tunable:
+        model, own = with_tunable(model, names("tunable", tunable))
+        parameters = own | dict(by_name("parameters", parameters))
     if with_switching_signs(flat_of(model)).events is not None:
 
         def at_tolerance(tolerance: float) -> Integration:

@@ -7,7 +7,7 @@ disturbs them little, but they are no instruction counts, and no test rests on t
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -150,9 +150,9 @@ def _size(f: CausalFunction) -> str:
     return "Newton" if f.plan.newton else str(f.closed.n_instructions())
 
 
-def growth(times: list[float]) -> float:
+def growth(times: Sequence[float], lengths: Sequence[int] = LENGTHS) -> float:
     """Exponent p of time ~ n^p over the three longest chains, by least squares."""
-    return float(np.polyfit(np.log(LENGTHS[-3:]), np.log(times[-3:]), 1)[0])
+    return float(np.polyfit(np.log(lengths[-3:]), np.log(times[-3:]), 1)[0])
 
 
 def main() -> None:

@@ -52,11 +52,40 @@ begun = time.process_time()
 gt.fmu.export(CartPole(), None, known="F", targets=["x", "phi"], name="cart", start={"F": 0.0})
 print(time.process_time() - begun)
 """
+RUN = """
+import time
+import gtmodel as gt
+class Decay(gt.Model):
+    x = gt.variable(start=1.0)
+    def equations(self):
+        yield gt.der(self.x) == -self.x
+gt.simulate(Decay(), 1.0)  # imports
+robot = gt.robots.gantry_tau("l1_tape")
+def run(k):
+    begun = time.process_time()
+    start = {"T": robot.home, "der(T)": [0.0, 0.0, 0.0]}
+    gt.simulate(robot.with_(m_p=40.0 + k), 0.1, inputs={"tau": [0.0, 0.0, 0.0]}, start=start, tunable="m_p")
+    return 1e3 * (time.process_time() - begun)
+times = [run(k) for k in range(20)]
+"""
+MODES = """
+import time
+from gtmodel.kinematics.assembly_modes import assembly_modes_batch
+from tests.bench.bench_modes import cases
+legs, times = cases()["F1, alone"], []
+for _ in range(10):
+    begun = time.process_time()
+    assembly_modes_batch(*legs)
+    times.append(1e3 * (time.process_time() - begun))
+"""
 SOLVED = ("l1", "f1", "hexapod", "delta", "arm", "d1_model_5")
 # name: (arguments of gtmodel, or a script that prints its number, goal)
 WAITS: dict[str, tuple[list[str] | str, float]] = {
     "small fit over lm": (FIT, 2.0),
     "export of four states": (FMU, 2.0),
+    "fresh L1 to the first row [ms]": (f"{RUN}print(times[0])", 250.0),
+    "a run of with_(m_p=...), tunable [ms]": (f"{RUN}print(min(times[1:]))", 20.0),
+    "all assembly modes of the F1 [ms]": (f"{MODES}print(min(times[1:]))", 20.0),
     **{f"solve calibrate_{n}": (["solve", f"problems/calibrate_{n}.toml"], 4.0) for n in SOLVED},
     "check of D1": (["codegen", "problems/d1_controller.toml", "--check"], 6.0),
     "check of F1": (["codegen", "problems/f1_controller.toml", "--check"], 6.0),

@@ -191,3 +191,7 @@ class TestDenseCore:
         *_, pivots = f.casadi(M.ravel(), np.ones(n))
         assert np.prod(np.abs(pivots.full())) == pytest.approx(abs(np.linalg.det(M)), rel=ROUND_OFF)
         assert sorted(m.label.split("(")[1] for m in f.margins) == [f"x[{k}])" for k in range(n)]
+
+
+def test_a_matrix_symmetric_at_the_start_only_keeps_its_qr():
+    assert "dense core of 4" in core(4).causal(["M", "b"], "x").explain()

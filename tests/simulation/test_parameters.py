@@ -197,6 +197,18 @@ class TestShared:
         symbolic = stacked, asked
         assert not any(m.called for m in (integrator, made, planned, written, chosen, bounds, *symbolic))
 
+    def test_models_that_differ_in_what_is_tunable(self):
+        first, second = SwingingPendulum(m=2.0), SwingingPendulum(m=3.0)
+        more = {"start": {"x": 0.6, "der(x)": 0.0}, "tunable": "m"}
+        gt.simulate(first, 1.0, **more)
+        with mock.patch("gtmodel.simulation.systems.make_plan") as planned:
+            a = gt.simulate(second, 1.0, **more)
+        assert not planned.called
+        assert difference(a, gt.simulate(SwingingPendulum(m=2.0), 1.0, parameters={"m": 3.0}, start=more["start"])) == 0
+        assert difference(gt.simulate(first, 1.0, **more, parameters={"m": 3.0}), a) == 0
+        with pytest.raises(gt.ModelError, match="no parameter 'mm'"):
+            gt.simulate(first, 1.0, tunable="mm")
+
     def test_what_came_before_makes_no_difference(self):
         def fresh():
             return type("Pendulum", (SwingingPendulum,), {})()

@@ -86,12 +86,12 @@ def sizes_of(plan: CausalPlan, arguments: Sequence[Sequence[Pair]], precision: P
     """Return the limits for arguments that consist of these chain symbols; an argument without symbols is the time."""
     plan, scope = plan.numbers or plan, plan.flat.scope  # `numbers` has numeric lengths
     reach = _Reach(plan)
+    closures = [_Closures(plan, reach, b, precision) for b in plan.blocks if b.closures]
     limits = []
     for pairs in arguments:
         symbols = [scope.symbol(*p) for p in pairs] or [scope.time]
         keys = frozenset(s.element_hash() for s in symbols)
-        of_blocks = [_limit(plan, reach, k, keys, precision) for k, b in enumerate(plan.blocks) if b.closures]
-        limits.append(min([precision.largest, *of_blocks]))
+        limits.append(min([precision.largest, *[c.limit(keys) for c in closures]]))
     return Sizes(tuple(limits))
 
 
@@ -150,36 +150,50 @@ def _outside(expression: ca.SX, symbols: Sequence[ca.SX]) -> frozenset[int]:
     return outside & {s.element_hash() for s in symbols}
 
 
-def _limit(plan: CausalPlan, reach: _Reach, k: int, keys: frozenset[int], precision: Precision) -> float:
-    """Return the largest size of inputs at which round-off is small in the closures of block k."""
-    block = plan.blocks[k]
-    unknown_keys = reach.unknowns(block)
-    closures = ca.vertcat(*block.closures)
-    symbols = ca.symvar(closures)
-    known = [s for s in symbols if s.element_hash() not in unknown_keys]
-    concerned = [s for s in known if reach.of(s)[0] & keys]
-    if not concerned:
-        return np.inf
-    straight = _outside(closures, symbols)
-    moved = {s.element_hash() for s in concerned if reach.of(s)[1] & keys} & straight
-    if moved:  # the unknowns move with the inputs
-        own_symbols = [s for s in symbols if s.element_hash() in unknown_keys]
-        moved |= {s.element_hash() for s in own_symbols if _unit(plan, s) not in NUMBERS | ANGLES}
-    turned = frozenset() if moved else frozenset(s.element_hash() for s in concerned)
-    values = [_home(plan, s) for s in symbols]
-    size, eps = TRIED, precision.round_off
-    given = []
-    for s, value in zip(symbols, values, strict=True):
-        key = s.element_hash()
-        magnitude = size if key in moved else np.full_like(size, value)
-        given.append((magnitude, eps * (size if key in turned else magnitude)))
-    read, _ = of_expression(closures)
-    noise = _errors(read, given, eps)[1]
-    lengths = _errors(read, [(np.zeros(1), np.zeros(1))] * len(symbols), 0.0)[0]
-    bad = np.any((lengths > 0.0) & ~(noise <= precision.share * lengths), axis=0)
-    held = size[np.argmax(bad) - 1] if bad.any() else np.inf
-    typical = max([v for s, v in zip(symbols, values, strict=True) if s.element_hash() in moved], default=0.0)
-    return float(max(held, ROOM * 2.0 ** np.ceil(np.log2(max(typical, size[0])))))
+class _Closures:
+    """The closures of a block, and the sizes of inputs at which their round-off is small."""
+
+    def __init__(self, plan: CausalPlan, reach: _Reach, block: SolvedBlock, precision: Precision) -> None:
+        closures, own = ca.vertcat(*block.closures), reach.unknowns(block)
+        symbols = ca.symvar(closures)
+        self._symbols = [s.element_hash() for s in symbols]
+        self._values = [_home(plan, s) for s in symbols]
+        self._reach = {s.element_hash(): reach.of(s) for s in symbols if s.element_hash() not in own}
+        self._every = frozenset().union(*[inputs for inputs, _ in self._reach.values()])
+        self._straight = _outside(closures, symbols)
+        self._lengths = {
+            s.element_hash() for s in symbols if s.element_hash() in own and _unit(plan, s) not in NUMBERS | ANGLES
+        }
+        self._read, _ = of_expression(closures)
+        self._precision = precision
+        self._known: dict[tuple[frozenset[int], frozenset[int]], float] = {}
+
+    def limit(self, keys: frozenset[int]) -> float:
+        """Return the largest size of the inputs with these hashes."""
+        if self._every.isdisjoint(keys):
+            return np.inf
+        concerned = {key for key, (inputs, _) in self._reach.items() if inputs & keys}
+        moved = frozenset(key for key in concerned & self._straight if self._reach[key][1] & keys)
+        if moved:  # the unknowns move with the inputs
+            moved |= self._lengths
+        case = moved, frozenset() if moved else frozenset(concerned)
+        if case not in self._known:
+            self._known[case] = self._limit(*case)
+        return self._known[case]
+
+    def _limit(self, moved: frozenset[int], turned: frozenset[int]) -> float:
+        size, eps = TRIED, self._precision.round_off
+        given = []
+        for key, value in zip(self._symbols, self._values, strict=True):
+            magnitude = size if key in moved else np.full_like(size, value)
+            given.append((magnitude, eps * (size if key in turned else magnitude)))
+        noise = _errors(self._read, given, eps)[1]
+        lengths = _errors(self._read, [(np.zeros(1), np.zeros(1))] * len(self._symbols), 0.0)[0]
+        bad = np.any((lengths > 0.0) & ~(noise <= self._precision.share * lengths), axis=0)
+        held = size[np.argmax(bad) - 1] if bad.any() else np.inf
+        values = zip(self._symbols, self._values, strict=True)
+        typical = max([v for key, v in values if key in moved], default=0.0)
+        return float(max(held, ROOM * 2.0 ** np.ceil(np.log2(max(typical, size[0])))))
 
 
 def _errors(

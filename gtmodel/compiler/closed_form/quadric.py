@@ -3,12 +3,15 @@ whose sine and cosine lie on a line."""
 
 from __future__ import annotations
 
+from collections import Counter
+from typing import NamedTuple
+
 import casadi as ca
 import numpy as np
 
-from .blocks import Margin, Root, SignAnalysis, pivot_cost
-from .matrices import elements, triplets
-from .rewriting import applied, kinked_in, of_expression, walked
+from ..blocks import Margin, Root, SignAnalysis, pivot_cost
+from ..matrices import elements, triplets
+from ..rewriting import applied, kinked_in, of_expression, walked
 
 NONLINEAR_ROW = 1000  # costs more than any fill-in, so that it is used last
 
@@ -62,38 +65,63 @@ def eliminate_explicit(
     """
     residuals, unknowns = list(residuals), list(unknowns)
     assignments: Assignments = []
+    rows: list[_Row | None] = [None] * len(residuals)  # None: to be read
     while len(unknowns) > 1:
-        u = ca.vertcat(*unknowns)
-        jacobian = ca.jacobian(ca.vertcat(*residuals), u)
-        entries = triplets(jacobian)
-        row_count = np.bincount([e[0] for e in entries], minlength=len(residuals))
-        col_count = np.bincount([e[1] for e in entries], minlength=len(unknowns))
-        within = ca.jacobian_sparsity(ca.vertcat(*[v for _, _, v in entries]), u).row() if entries else []
-        nonlinear = {entries[k][0] for k in within}
-        sizes = signs.sizes([value for _, _, value in entries])
-        largest = np.zeros(len(unknowns))
-        np.maximum.at(largest, [e[1] for e in entries], sizes)
+        _read_rows(rows, residuals, unknowns, signs)
+        entries = [(i, key, *fact) for i, row in enumerate(rows) if row for key, fact in row.entries.items()]
+        position = {u.element_hash(): j for j, u in enumerate(unknowns)}
+        col_count = Counter(key for _, key, *_ in entries)
+        largest: dict[int, float] = {}
+        for _, key, _, size in entries:
+            largest[key] = max(largest.get(key, 0.0), size)
         best = None
         inside = kinked_in(residuals, unknowns) if kinked else [set()] * len(residuals)
-        for (i, j, value), size in zip(entries, sizes, strict=True):
-            if best is not None and (row_count[i] - 1) * (col_count[j] - 1) >= best[0]:
+        for i, key, value, size in sorted(entries, key=lambda e: (position[e[1]], e[0])):
+            row, j = rows[i], position[key]
+            assert row is not None
+            fill = (len(row.entries) - 1) * (col_count[key] - 1)
+            if best is not None and fill >= best[0]:
                 continue
             kind = signs.kind(value)
             if kind is None or j in inside[i]:
                 continue
-            fill = (row_count[i] - 1) * (col_count[j] - 1)
-            cost = pivot_cost(kind, fill, size, largest[j]) + NONLINEAR_ROW * (i in nonlinear)
+            cost = pivot_cost(kind, fill, size, largest[key]) + NONLINEAR_ROW * row.nonlinear
             if best is None or cost < best[0]:
                 best = (cost, i, j, value)
         if best is None or (best[0] >= NONLINEAR_ROW and not nonlinear_rows):
             break
         _, i, j, pivot = best
         x = unknowns.pop(j)
-        row = residuals.pop(i)
-        value = -ca.substitute([row], [x], [ca.SX(0)])[0] / pivot
-        residuals = ca.substitute(residuals, [x], [value])
+        rows.pop(i)
+        value = -ca.substitute([residuals.pop(i)], [x], [ca.SX(0)])[0] / pivot
+        with_x = [n for n, other in enumerate(rows) if other is not None and x.element_hash() in other.entries]
+        for n, changed in zip(with_x, ca.substitute([residuals[n] for n in with_x], [x], [value]), strict=True):
+            residuals[n], rows[n] = changed, None
         assignments.append((x, value))
     return residuals, unknowns, assignments
+
+
+class _Row(NamedTuple):
+    """Slopes of a residual, with typical sizes, by unknown; and whether they contain unknowns."""
+
+    entries: dict[int, tuple[ca.SX, float]]
+    nonlinear: bool
+
+
+def _read_rows(rows: list[_Row | None], residuals: list[ca.SX], unknowns: list[ca.SX], signs: SignAnalysis) -> None:
+    """Read the residuals whose row is None."""
+    new = [n for n, row in enumerate(rows) if row is None]
+    if not new:
+        return
+    u = ca.vertcat(*unknowns)
+    entries = triplets(ca.jacobian(ca.vertcat(*[residuals[n] for n in new]), u))
+    within = ca.jacobian_sparsity(ca.vertcat(*[v for _, _, v in entries]), u).row() if entries else []
+    nonlinear = {entries[k][0] for k in within}
+    slopes: list[dict[int, tuple[ca.SX, float]]] = [{} for _ in new]
+    for (i, j, value), size in zip(entries, signs.sizes([value for *_, value in entries]), strict=True):
+        slopes[i][unknowns[j].element_hash()] = value, size
+    for i, n in enumerate(new):
+        rows[n] = _Row(slopes[i], i in nonlinear)
 
 
 def _quadratic(residual: ca.SX, u: ca.SX, signs: SignAnalysis, label: str) -> tuple[Assignments, list[Margin], Root]:

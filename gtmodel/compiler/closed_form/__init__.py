@@ -1,0 +1,1 @@
+"""Solutions of a block in closed form: linear equations, quadrics, one angle."""
