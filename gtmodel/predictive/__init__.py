@@ -1,5 +1,8 @@
 """Optimal control over a horizon, solved again in every cycle.
 
+controller       a model of components as a predictive controller; Controller, ControllerRun, CycleResult
+Horizon, Measurement    its stages, period and delay; the noise of a measured variable
+ConvergedPlan    the optimum that its cycles approach
 HorizonStage, LimitedRow       one stage of a horizon: step, quadratic cost, and rows with limits, as CasADi expressions
 StageQP          the quadratic program of a horizon: an interior point method that exploits its stages
 ControllerQP     the same as a step function, for C code in a control loop
@@ -11,8 +14,19 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
+    from .controller import (
+        Controller as Controller,
+        ControllerRun as ControllerRun,
+        CycleResult as CycleResult,
+        controller as controller,
+    )
     from .controller_qp import ControllerQP as ControllerQP
-    from .stage import HorizonStage as HorizonStage, LimitedRow as LimitedRow
+    from .converged import ConvergedPlan as ConvergedPlan
+    from .options import Horizon as Horizon, Measurement as Measurement
+    from .stage import HorizonStage as controller       a model of components as a predictive controller; Controller, ControllerRun, CycleResult
+Horizon, Measurement    its stages, period and delay; the noise of a measured variable
+ConvergedPlan    the optimum that its cycles approach
+HorizonStage, LimitedRow as LimitedRow
     from .stage_qp import StageQP as StageQP, StageSolution as StageSolution
 
 public(__name__)

@@ -84,7 +84,7 @@ class Standstill(Portable):
 
 @dataclass(frozen=True, eq=False)
 class Observer(Portable):
-    """Gains of the steady-state Kalman filter: changes of state and disturbance by an innovation; largest innovations."""
+    """Gains of the steady-state Kalman filter, of state and disturbance by an innovation, and the largest innovations."""
 
     x: np.ndarray
     d: np.ndarray
@@ -98,7 +98,7 @@ class Discretised(Portable):
     correct   x d y              -> x d, largest innovation over its jump
     prepare   x v d p            -> data of a stage
     finish    x d p              -> data of the last stage
-    command   x v d              -> inputs of the model within their limits, without limits, outputs
+    command   x v d p            -> inputs of the model within their limits, what these cut off, outputs
     """
 
     def __init__(
@@ -149,9 +149,15 @@ class Discretised(Portable):
         self.observer = self._observer(period, measured, disturbance)
         self.correct = self._correction()
         forces = ca.substitute(s.forces, s.w, s.v)
-        bounded = ca.fmax(ca.fmin(forces, SX(s.force_high)), SX(s.force_low))
+        bounded = ca.vertcat(*[
+            _bounded(forces[k], low, high)
+            for k, (low, high) in enumerate(zip(s.force_low.tolist(), s.force_high.tolist(), strict=True))
+        ])  # fmt: skip
+        clipped = SX(0)
+        for k in range(forces.numel()):
+            clipped = ca.fmax(clipped, ca.fabs(forces[k] - bounded[k]))
         shown = ca.substitute(moved(s.outputs), s.x, moved(period)) if s.shown else SX(0, 1)
-        self.command = ca.Function("command", [s.x, s.v, self.d, s.p], [bounded, forces, ca.densify(shown)], {"cse": True})
+        self.command = _functions("command", [s.x, s.v, self.d, s.p], [bounded, clipped, shown])
 
     @property
     def operations(self) -> int:
@@ -193,9 +199,13 @@ class Discretised(Portable):
                 raise ArgumentError("a disturbance is estimated from measurements; name them", "measured")
             return None
         if not disturbance:
-            raise ArgumentError("expected the disturbances between which and the noise the filter weighs", "disturbance")
+            raise ArgumentError(
+                "expected the disturbances between which and the noise the filter weighs", "disturbance"
+            )
         z = ca.vertcat(s.x, s.w)
-        f = ca.Function("f", [z, s.p], [ca.jacobian(period, z), ca.jacobian(s.measured, s.x), ca.jacobian(s.forces, s.w)])
+        f = ca.Function(
+            "f", [z, s.p], [ca.jacobian(period, z), ca.jacobian(s.measured, s.x), ca.jacobian(s.forces, s.w)]
+        )
         G, C, force = (np.asarray(ca.DM(v).full()) for v in f(np.concatenate([rest.x, rest.w]), s.targets))
         A, B = G[:, :n], G[:, n:]
         spread = np.concatenate([np.full(i.size, _spread(disturbance, i.name)) for i in s.inputs])
@@ -221,14 +231,19 @@ class Discretised(Portable):
         s, n = self.statement, self.statement.x.numel()
         if self.observer is None:
             y = SX.sym("y", n)
-            return _function("correct", [s.x, self.d, y], [y]).expand()
+            return _functions("correct", [s.x, self.d, y], [y, self.d, SX(0)])
         y, o = SX.sym("y", s.measured.numel()), self.observer
         e = y - s.measured
         far = SX(0)
         for k in range(e.numel()):
             far = ca.fmax(far, ca.fabs(e[k]) / float(o.jump[k]))
         x, d = s.x + ca.mtimes(SX(o.x), e), self.d + ca.mtimes(SX(o.d), e)
-        return ca.Function("correct", [s.x, self.d, y], [x, d, far], {"cse": True})
+        return _functions("correct", [s.x, self.d, y], [x, d, far])
+
+
+def _bounded(e: Any, low: float, high: float) -> Any:
+    e = ca.fmin(e, high) if np.isfinite(high) else e
+    return ca.fmax(e, low) if np.isfinite(low) else e
 
 
 def _spread(disturbance: Mapping[str, float], name: str) -> float:
@@ -240,8 +255,11 @@ def _spread(disturbance: Mapping[str, float], name: str) -> float:
 
 
 def _function(name: str, arguments: list[Any], values: list[Any]) -> ca.Function:
-    column = ca.densify(ca.vertcat(SX(0, 1), *values))
-    return ca.Function(name, arguments, [column], {"cse": True})
+    return _functions(name, arguments, [ca.vertcat(SX(0, 1), *values)])
+
+
+def _functions(name: str, arguments: list[Any], results: list[Any]) -> ca.Function:
+    return ca.Function(name, arguments, [ca.densify(SX(r)) for r in results], {"cse": True})
 
 
 def _after(s: Statement, length: float, steps: int) -> Any:

@@ -100,8 +100,8 @@ class InteriorPoint:
         self.none, self.none_end = np.zeros((own, count), real.dtype), np.zeros((at_end, 1), real.dtype)
 
     def solve(self, x: np.ndarray, p: np.ndarray, q: np.ndarray, start: tuple[np.ndarray, ...] | None) -> LastIterate:
-        """Return the solution from the state x with data p (numbers, count) and q (numbers, 1) from the inputs and
-        sides `start`."""
+        """Return the solution from the state x with data p (numbers, count) and q (numbers, 1) from the inputs `start`,
+        and its sides if it holds them."""
         with np.errstate(all="ignore"):
             return self._solved(x.reshape(-1, 1), p, q, start)
 
@@ -109,7 +109,7 @@ class InteriorPoint:
         of, end, one = self.of, self.end, self.real.dtype(1.0)
         u = np.zeros((self.stage.inputs, self.count), self.real.dtype) if start is None else start[0]
         states, y, after, y_end, cost = self._followed(x, p, q, u)
-        if start is None:
+        if start is None or len(start) == 1:
             s, s_end = of.each("begin", p, y)[0], end.each("begin", q, y_end)[0]
         else:
             s, s_end = of.each("push", start[1])[0], end.each("push", start[2])[0]

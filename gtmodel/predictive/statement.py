@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -23,7 +24,7 @@ from ..lang.model import Model
 from ..lang.optimization import Optimization, integral
 from ..lang.source import ModelError
 from ..optimize.formulation.dynamic import DynamicProblem
-from ..optimize.formulation.horizon import start_of
+from ..optimize.formulation.horizon import declared_name, start_of
 from ..optimize.formulation.problem import build
 from ..results.refusal import ArgumentError
 from .options import Measurement
@@ -182,7 +183,10 @@ def _refuse(problem: DynamicProblem) -> None:
         raise ModelError(f"{title}: {problem.points[0].label} holds at one instant; a horizon that moves has none")
     if problem.misfits:
         raise ModelError(f"{title}: gt.misfit is not part of a controller")
-    expressions = [r for r in problem.rates if r is not None] + [problem.algebraic, *(r.expression for r in problem.path)]
+    expressions = [r for r in problem.rates if r is not None] + [
+        problem.algebraic,
+        *(r.expression for r in problem.path),
+    ]
     if any(ca.depends_on(SX(e), problem.t) for e in expressions):
         raise ModelError(f"{title}: the equations depend on time; give what changes as a reference")
 
@@ -217,7 +221,7 @@ class _Assembly:
         else:
             column = ca.substitute(column, self.problem.u, own)
         ends = np.cumsum([0, *[c.numel() for c in columns]]).tolist()
-        return [column[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        return [column[a:b] for a, b in pairwise(ends)]
 
     def statement(self) -> Statement:
         reader, problem = self.reader, self.problem
@@ -273,12 +277,9 @@ class _Assembly:
             measured=measured,
             outputs=ca.vertcat(SX(0, 1), *self.moved([e for s in reader.shown for e in at[s.name]], False)),
             rows=limited, force_low=low, force_high=high,
-            states=self._named(problem.state_names), inputs=self._inputs(), references=references,
+            states=[Signal(declared_name(flat, problem.base.alias, p)[0], 1, "?") for p in problem.state_pairs], inputs=self._inputs(), references=references,
             sensors=reader.sensors, shown=reader.shown, targets=targets, start=start, held=held,
         )  # fmt: skip
-
-    def _named(self, names: Sequence[str]) -> list[Signal]:
-        return [Signal(n, 1, "?") for n in names]
 
     def _inputs(self) -> list[Signal]:
         """Inputs of the model as declared, vectors in one piece."""
@@ -299,7 +300,13 @@ class _Assembly:
         """References, their targets, and residuals (value - reference) / tolerance."""
         reader = self.reader
         wishes, flat = reader.wishes, self.problem.flat
-        references, symbols, targets, residuals, held = list[Signal](), list[Any](), list[float](), list[Any](), list[int]()
+        references, symbols, targets, residuals, held = (
+            list[Signal](),
+            list[Any](),
+            list[float](),
+            list[Any](),
+            list[int](),
+        )
         for name in wishes.references:
             if name not in wishes.tolerances:
                 raise ArgumentError(f"'{name}' has no tolerance; give it one", "references")

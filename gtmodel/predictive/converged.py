@@ -1,0 +1,162 @@
+"""The optimum that a predictive controller approaches: its quadratic programs repeated in one place until they rest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .._lazy import hint
+from ..results.status import Status
+from .interior_point import InteriorPoint
+
+if TYPE_CHECKING:
+    from .controller import Controller
+else:
+    Controller = hint("gtmodel.predictive.controller", "Controller")
+
+TOLERANCE, ITERATIONS = 1e-11, 60  # of the programs: a plan is asked for to many digits
+HALVINGS = 12
+PRICE = 10.0  # of an exact limit in the descent, in multiples of the largest multiplier
+DESCENT = 1e-4  # least share of the descent that the program predicts
+
+
+@dataclass(frozen=True, eq=False)
+class ConvergedPlan:
+    """A plan that solves the nonlinear problem of a horizon; `Controller.converge`.
+
+    status: OK, or NOT_CONVERGED with the best plan so far. time: of the stages [s]. x: states, (stages + 1, n).
+    v: inputs of the stages; inputs: those of the model, (stages, m). cost: with prices. iterations: programs solved.
+    step: largest last change of an input, relative to 1. notes: soft limits whose price is below their multiplier.
+
+    >>> import dataclasses
+    >>> [f.name for f in dataclasses.fields(gt.predictive.ConvergedPlan)][:4]
+    ['status', 'time', 'x', 'v']
+    """
+
+    status: Status
+    time: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+    inputs: np.ndarray
+    cost: float
+    iterations: int
+    step: float
+    notes: list[str]
+
+
+class _Problem:
+    def __init__(self, law: Controller, p: np.ndarray, d: np.ndarray) -> None:
+        program = law.program
+        self.program, self.p, self.d = program, p, d
+        qp = program.qp
+        self.method = InteriorPoint(qp.stage, qp.count, qp.last, TOLERANCE, ITERATIONS, qp.kernels)
+        self.prepare = program.prepare.map(qp.count)
+        self.along = program.step.mapaccum("along", qp.count)
+        self.cost, self.rows = program.cost.map(qp.count), program.rows.map(qp.count)
+        self.exact = 0.0
+        self.size = np.array([r.size for r in program.statement.rows])
+        self.bounds = [(r.low, r.high) for r in program.statement.rows]
+        self.prices = [self._price(r.name, k) for k, r in enumerate(program.statement.rows)]
+        self.soft = [k for k, r in enumerate(program.statement.rows) if r.soft]
+
+    def _price(self, name: str, k: int) -> tuple[float, float] | None:
+        return self.program.qp.stage.rows[k].price
+
+    def shift(self, v: np.ndarray) -> np.ndarray:
+        """Input with the disturbance."""
+        return v + (self.d[:, None] if self.d.size else 0.0)
+
+    def followed(self, x0: np.ndarray, v: np.ndarray) -> np.ndarray:
+        after = np.asarray(self.along(x0, self.shift(v), self.p[:, :-1]).full())
+        return np.column_stack([x0, after])
+
+    def value(self, x: np.ndarray, v: np.ndarray) -> float:
+        """Cost with prices, also of exact limits that do not hold."""
+        w = self.shift(v)
+        total = float(np.sum(self.cost(x[:, :-1], w, self.p[:, :-1]).full()))
+        total += float(self.program.final_cost(x[:, -1], self.p[:, -1]))
+        if not self.size.size:
+            return total
+        rows = np.asarray(self.rows(x[:, :-1], v, w, self.p[:, :-1]).full())
+        end = np.asarray(self.program.rows(x[:, -1], v[:, -1], w[:, -1], self.p[:, -1]).full())
+        for k, (low, high) in enumerate(self.bounds):
+            values = np.append(rows[k], end[k]) if k in self.soft else rows[k]
+            beyond = np.maximum(0.0, np.maximum(values - high, low - values)) / self.size[k]
+            price = self.prices[k]
+            if price is None:
+                total += self.exact * float(np.sum(beyond))
+            else:
+                total += float(np.sum(price[0] * beyond + price[1] * beyond**2 / 2))
+        return total
+
+
+def converged(
+    law: Controller, x: np.ndarray, goals: Mapping[str, Any], d: Any, v: Any, max_iterations: int, tolerance: float
+) -> ConvergedPlan:
+    """See `Controller.converge`."""
+    program, horizon = law.program, law.program.horizon
+    qp, count = program.qp, program.qp.count
+    problem = _Problem(law, law.references_of(goals), np.asarray(d, float).reshape(-1))
+    v = np.repeat(law.first[:, None], count, axis=1) if v is None else np.asarray(v, float).T.copy()
+    x0 = np.asarray(x, float)
+    plan, o, step, iteration, status = problem.followed(x0, v), None, np.inf, 0, Status.NOT_CONVERGED
+    wide = np.repeat(problem.d[:, None], count, axis=1)
+    while iteration < max_iterations:
+        iteration += 1
+        data = np.asarray(problem.prepare(plan[:, :-1], v, wide, problem.p[:, :-1]).full())
+        last = np.asarray(program.finish(plan[:, -1], problem.d, problem.p[:, -1]).full())
+        o = problem.method.solve(x0, data, last, (v,))
+        if o.status not in (Status.OK, Status.NOT_CONVERGED):
+            status = o.status
+            break
+        problem.exact = max(problem.exact, PRICE * _largest_multiplier(qp, o, soft=False))
+        change = o.u - v
+        step = float(np.max(np.abs(change) / (1 + np.abs(v))))
+        now, length = problem.value(plan, v), 1.0
+        predicted = max(now - o.cost, 0.0)
+        for _ in range(HALVINGS):
+            ahead = v + length * change
+            trial = problem.followed(x0, ahead)
+            if problem.value(trial, ahead) <= now - DESCENT * length * predicted:
+                break
+            length /= 2
+        # near the optimum rounding hides the descent; the full step is then the best one
+        if step < 1e-5 and length < 1.0:
+            ahead, trial = o.u, problem.followed(x0, o.u)
+        v, plan = ahead, trial
+        if step <= tolerance:
+            status = Status.OK
+            break
+    forces = [np.asarray(program.command(plan[:, k], v[:, k], problem.d, problem.p[:, k])[0].full())[:, 0]
+              for k in range(count)]  # fmt: skip
+    time = horizon.stage * np.arange(count + 1)
+    return ConvergedPlan(
+        status, time, plan.T, v.T, np.array(forces), problem.value(plan, v), iteration, step, _notes(law, o)
+    )
+
+
+def _largest_multiplier(qp: Any, o: Any, soft: bool) -> float:
+    sides = qp.stage.sides
+    chosen = [j for j, side in enumerate(sides) if (side.price is not None) is soft]
+    return float(np.max(o.sides[[len(sides) + j for j in chosen]], initial=0.0))
+
+
+def _notes(law: Controller, o: Any) -> list[str]:
+    """Soft limits that are exceeded because their price is low."""
+    if o is None:
+        return []
+    qp, rows = law.program.qp, law.program.statement.rows
+    sides, found = qp.stage.sides, []
+    for j, side in enumerate(sides):
+        if side.price is None:
+            continue
+        excess = o.sides[2 * len(sides) + qp.stage.soft.index(j), 1:]
+        if np.max(excess, initial=0.0) > 1e-4:
+            found.append(
+                f"'{rows[side.row].name}' exceeds its limit by {100 * np.max(excess):.2g} % of its size: there is no "
+                f"other plan, or its price {side.price[0]:g} is below the multiplier of the exact limit"
+            )
+    return found
