@@ -255,16 +255,17 @@ class Controller(StepFunction, Portable):
         return ControllerRun(self, self.program.standstill.x if x is None else np.asarray(x, float))
 
     def converge(
-        self, x: Any, goals: Mapping[str, Any] | None = None, *, d: Any = 0.0, v: Any = None, max_iterations: int = 200,
-        tolerance: float = 1e-9,
+        self, x: Any, goals: Mapping[str, Any] | None = None, *, d: Any = 0.0, start: ConvergedPlan | None = None,
+        max_iterations: int = 200, tolerance: float = 1e-7,
     ) -> ConvergedPlan:  # fmt: skip
         """Return the optimum that the cycles approach from a state: sequential quadratic programming with line search.
 
         Args:
             x: state (n,), or by name.
             goals: references by variable; the targets if left out.
-            d: disturbance of the inputs of the stages. v: their first plan, (stages, m).
-            tolerance: of the last change of an input, relative to 1 + its size.
+            d: disturbance of the inputs of the stages.
+            start: a plan to begin with; by default straight from the state to rest at the targets.
+            tolerance: of the last change of a state or an input, relative to 1 + its size.
 
         >>> class Cart(gt.Model):
         ...     x = gt.variable()
@@ -279,7 +280,7 @@ class Controller(StepFunction, Portable):
         """
         state = [x[s.name] for s in self.program.statement.states] if isinstance(x, Mapping) else x
         shift = np.broadcast_to(np.asarray(d, float), (self.program.d.numel(),))
-        return converged(self, np.asarray(state, float), goals or {}, shift, v, max_iterations, tolerance)
+        return converged(self, np.asarray(state, float), goals or {}, shift, start, max_iterations, tolerance)
 
     def references_of(self, goals: Mapping[str, Any]) -> np.ndarray:
         """Return the references of all stages and the end, (numbers, stages + 1), with the targets for those left out.

@@ -18,9 +18,12 @@ else:
     Controller = hint("gtmodel.predictive.controller", "Controller")
 
 TOLERANCE, ITERATIONS = 1e-11, 60  # of the programs: a plan is asked for to many digits
+NEARLY = 1e-7  # of a program that stops before this tolerance, for round-off
 HALVINGS = 12
 PRICE = 10.0  # of an exact limit in the descent, in multiples of the largest multiplier
 DESCENT = 1e-4  # least share of the descent that the program predicts
+SHARE = 0.5  # of the descent that closing the gaps between stages brings
+NEAR = 1e-5  # a step below this is taken in full: rounding hides its descent
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +57,7 @@ class _Problem:
         qp = program.qp
         self.method = InteriorPoint(qp.stage, qp.count, qp.last, TOLERANCE, ITERATIONS, qp.kernels)
         self.prepare = program.prepare.map(qp.count)
-        self.along = program.step.mapaccum("along", qp.count)
+        self.step = program.step.map(qp.count)
         self.cost, self.rows = program.cost.map(qp.count), program.rows.map(qp.count)
         self.exact = 0.0
         self.size = np.array([r.size for r in program.statement.rows])
@@ -69,9 +72,10 @@ class _Problem:
         """Input with the disturbance."""
         return v + (self.d[:, None] if self.d.size else 0.0)
 
-    def followed(self, x0: np.ndarray, v: np.ndarray) -> np.ndarray:
-        after = np.asarray(self.along(x0, self.shift(v), self.p[:, :-1]).full())
-        return np.column_stack([x0, after])
+    def gaps(self, x: np.ndarray, v: np.ndarray) -> float:
+        """Sum of what the states miss the ends of the stages before them, each in units of its typical size."""
+        after = np.asarray(self.step(x[:, :-1], self.shift(v), self.p[:, :-1]).full())
+        return float(np.sum(np.abs(after - x[:, 1:])))
 
     def value(self, x: np.ndarray, v: np.ndarray) -> float:
         """Cost with prices, also of exact limits that do not hold."""
@@ -94,53 +98,56 @@ class _Problem:
 
 
 def converged(
-    law: Controller, x: np.ndarray, goals: Mapping[str, Any], d: Any, v: Any, max_iterations: int, tolerance: float
+    law: Controller, x0: np.ndarray, goals: Mapping[str, Any], d: Any, start: ConvergedPlan | None,
+    max_iterations: int, tolerance: float,
 ) -> ConvergedPlan:
     """See `Controller.converge`."""
     program, horizon = law.program, law.program.horizon
     qp, count = program.qp, program.qp.count
     problem = _Problem(law, law.references_of(goals), np.asarray(d, float).reshape(-1))
-    v = np.repeat(law.first[:, None], count, axis=1) if v is None else np.asarray(v, float).T.copy()
-    x0 = np.asarray(x, float)
-    plan, o, step, iteration, status = problem.followed(x0, v), None, np.inf, 0, Status.NOT_CONVERGED
+    v = np.repeat(law.first[:, None], count, axis=1) if start is None else start.v.T
+    along = np.linspace(0.0, 1.0, count + 1)
+    x = x0[:, None] + along * (program.standstill.x - x0)[:, None] if start is None else start.x.T
+    o, step, iteration, status, dear = None, np.inf, 0, Status.NOT_CONVERGED, 0.0
     wide = np.repeat(problem.d[:, None], count, axis=1)
     while iteration < max_iterations:
         iteration += 1
-        data = np.asarray(problem.prepare(plan[:, :-1], v, wide, problem.p[:, :-1]).full())
-        last = np.asarray(program.finish(plan[:, -1], problem.d, problem.p[:, -1]).full())
+        data = np.asarray(problem.prepare(x[:, :-1], v, wide, problem.p[:, :-1]).full())
+        last = np.asarray(program.finish(x[:, -1], problem.d, problem.p[:, -1]).full())
         o = problem.method.solve(x0, data, last, (v,))
-        if o.status not in (Status.OK, Status.NOT_CONVERGED):
+        if not (o.status == Status.OK or max(o.gap, o.residual) <= NEARLY * (1 + abs(o.cost))):
             status = o.status
             break
-        problem.exact = max(problem.exact, PRICE * _largest_multiplier(qp, o, soft=False))
-        change = o.u - v
-        step = float(np.max(np.abs(change) / (1 + np.abs(v))))
-        now, length = problem.value(plan, v), 1.0
-        predicted = max(now - o.cost, 0.0)
-        for _ in range(HALVINGS):
-            ahead = v + length * change
-            trial = problem.followed(x0, ahead)
-            if problem.value(trial, ahead) <= now - DESCENT * length * predicted:
+        step = float(max(np.max(np.abs(b - a) / (1 + np.abs(a))) for a, b in ((v, o.u), (x, o.x))))
+        problem.exact = max(problem.exact, PRICE * _largest_multiplier(qp, o))
+        now, gaps, length = problem.value(x, v), problem.gaps(x, v), 1.0
+        # the price of a gap makes the step a descent of cost and gaps together (Nocedal, Wright 2006, eq. (18.36))
+        rise = o.cost - now
+        if gaps > 0:
+            dear = max(dear, rise / (SHARE * gaps))
+        descent = rise - dear * gaps
+        while step > NEAR and length > 0.5**HALVINGS:
+            ahead_x, ahead_v = x + length * (o.x - x), v + length * (o.u - v)
+            merit = problem.value(ahead_x, ahead_v) + dear * problem.gaps(ahead_x, ahead_v)
+            if merit <= now + dear * gaps + DESCENT * length * descent:
                 break
             length /= 2
-        # near the optimum rounding hides the descent; the full step is then the best one
-        if step < 1e-5 and length < 1.0:
-            ahead, trial = o.u, problem.followed(x0, o.u)
-        v, plan = ahead, trial
+        x, v = x + length * (o.x - x), v + length * (o.u - v)
         if step <= tolerance:
             status = Status.OK
             break
-    forces = [np.asarray(program.command(plan[:, k], v[:, k], problem.d, problem.p[:, k])[0].full())[:, 0]
+    forces = [np.asarray(program.command(x[:, k], v[:, k], problem.d, problem.p[:, k])[0].full())[:, 0]
               for k in range(count)]  # fmt: skip
     time = horizon.stage * np.arange(count + 1)
     return ConvergedPlan(
-        status, time, plan.T, v.T, np.array(forces), problem.value(plan, v), iteration, step, _notes(law, o)
+        status, time, x.T, v.T, np.array(forces), problem.value(x, v), iteration, step, _notes(law, o)
     )
 
 
-def _largest_multiplier(qp: Any, o: Any, soft: bool) -> float:
+def _largest_multiplier(qp: Any, o: Any) -> float:
+    """Of the exact limits."""
     sides = qp.stage.sides
-    chosen = [j for j, side in enumerate(sides) if (side.price is not None) is soft]
+    chosen = [j for j, side in enumerate(sides) if side.price is None]
     return float(np.max(o.sides[[len(sides) + j for j in chosen]], initial=0.0))
 
 
