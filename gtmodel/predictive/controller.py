@@ -12,17 +12,16 @@ import numpy as np
 from .._pickling import Portable
 from ..cgen.real import DOUBLE, FLOAT_TOLERANCE, STAGE_QP, Real
 from ..cgen.steps.function import StepFunction, StepMember, StepTwin, dtype_of, record
-from ..lang.declare import discrete, input, output
 from ..lang.events import SampledBlock
 from ..lang.model import Model
 from ..lang.source import ModelError
 from ..results.refusal import ArgumentError
 from ..results.status import Status
+from .block import block_of, closed_loop
 from .converged import ConvergedPlan, converged
 from .cycle import CycleTwin, kernels_of, text_of
 from .discretised import Discretised
 from .options import Horizon, Measurement
-from .qp_text import QPText
 from .statement import Reader, Wishes
 
 PRICE = (1e3, 1e3)  # of a soft limit, by its size
@@ -152,7 +151,7 @@ class Controller(StepFunction, Portable):
             self.readings = [StepMember("x", n, "?", f"state: {names}")]
         self.goals = [StepMember(f"{k.name}.goal", size(k.size, rows), k.unit, where) for k in s.references]
         self.commands = [StepMember(k.name, size(k.size), k.unit, "input of the plant") for k in s.inputs]
-        self.shown = [StepMember(k.name, size(k.size), k.unit, "after this period") for k in s.shown]
+        self.shown = [StepMember(f"{k.name}.next", size(k.size), k.unit, "after this period") for k in s.shown]
         self.inputs = [*self.readings, *self.goals]
         self.outputs = [
             *self.commands, *self.shown,
@@ -317,7 +316,17 @@ class Controller(StepFunction, Portable):
         its outputs the inputs of the plant, the further outputs, and failed, lost, iterations and clipped. The delay of
         the horizon is that of the block.
         """
-        return _block(self)
+        return block_of(self)
+
+    def around(self, plant: Model) -> Model:
+        """Return a closed loop for `gt.simulate`: the plant as part `plant`, this controller as part `law`.
+
+        plant: the model, or another one with the same inputs and measured variables, such as one with other masses.
+        References are inputs of the loop, law.NAME_goal. For a controller with preview use `block`.
+
+        Raises ArgumentError for a controller with preview, and ModelError if the inputs are not the plant's own.
+        """
+        return closed_loop(self, plant)
 
 
 class ControllerRun(Portable):
@@ -358,64 +367,12 @@ class ControllerRun(Portable):
         inputs = law._filled(values, goals or {})
         outputs = record(law.outputs, DOUBLE)
         status = self.twin.step(self.state, inputs, outputs)
-        found = {k.name: np.array(outputs[k.identifier]).reshape(-1) for k in law.outputs} if status == Status.OK else {}
+        found = (
+            {k.name: np.array(outputs[k.identifier]).reshape(-1) for k in law.outputs} if status == Status.OK else {}
+        )
         return CycleResult(status, found, self.state["plan_v"].reshape(law.program.qp.count, -1).copy())
 
     @property
     def disturbance(self) -> np.ndarray:
         """Estimated offset of the inputs of the stages."""
         return np.array(self.state["d"]) if self.law.estimates else np.zeros(0)
-
-
-def _plain(name: str) -> str:
-    return "".join(c if c.isalnum() else "_" for c in name).strip("_")
-
-
-def _block(law: Controller) -> type[SampledBlock]:
-    """The class of `Controller.block`; the state of a cycle is one vector."""
-    states = law.program.statement.states if law.program.observer is None else []
-    readings = {s.name: _plain(s.name) for s in states} or {k.name: _plain(k.name) for k in law.readings}
-    goals = {k.name.removesuffix(".goal"): _plain(k.name) for k in law.goals}
-    shown = [*law.commands, *law.shown, *[k for k in law.outputs if k.name in ("failed", "lost", "iterations", "clipped")]]
-    begun = law.begin()
-    memory = _flat(law, begun.state)
-
-    def unit(text: str) -> str | None:
-        return None if text == "?" else text
-
-    declared: dict[str, Any] = {}
-    for k in law.readings if not states else [StepMember(s.name) for s in states]:
-        declared[readings[k.name]] = input(k.size, unit=unit(k.unit) if not states else None) if k.size else input(
-            unit=unit(k.unit) if not states else None
-        )
-    for k in law.goals:
-        declared[_plain(k.name)] = input(k.size, unit=unit(k.unit)) if k.size else input(unit=unit(k.unit))
-    for k in shown:
-        start = 0.0 if k.size is None else np.zeros(k.size)
-        declared[_plain(k.name)] = output(start, unit=unit(k.unit))
-    declared["memory"] = discrete(memory)
-
-    def step(self: Any, inputs: Any, state: Any) -> dict[str, Any]:
-        run = law.begin()
-        _unflat(law, np.asarray(state.memory, float), run.state)
-        result = run.step(
-            {name: getattr(inputs, key) for name, key in readings.items()},
-            {name: getattr(inputs, key) for name, key in goals.items()},
-        )
-        if result.status != Status.OK:
-            return {"failed": -1.0}
-        values = {_plain(k.name): result.values[k.name] if k.size else float(result.values[k.name][0]) for k in shown}
-        return values | {"memory": _flat(law, run.state)}
-
-    return type("PredictiveLaw", (SampledBlock,), declared | {"step": step})
-
-
-def _flat(law: Controller, state: np.ndarray) -> np.ndarray:
-    return np.concatenate([np.asarray(state[k.identifier], float).reshape(-1) for k in law.state])
-
-
-def _unflat(law: Controller, memory: np.ndarray, state: np.ndarray) -> None:
-    first = 0
-    for k in law.state:
-        state[k.identifier] = memory[first : first + k.count].reshape(state[k.identifier].shape)
-        first += k.count

@@ -98,8 +98,13 @@ class _Problem:
 
 
 def converged(
-    law: Controller, x0: np.ndarray, goals: Mapping[str, Any], d: Any, start: ConvergedPlan | None,
-    max_iterations: int, tolerance: float,
+    law: Controller,
+    x0: np.ndarray,
+    goals: Mapping[str, Any],
+    d: Any,
+    start: ConvergedPlan | None,
+    max_iterations: int,
+    tolerance: float,
 ) -> ConvergedPlan:
     """See `Controller.converge`."""
     program, horizon = law.program, law.program.horizon
@@ -139,9 +144,7 @@ def converged(
     forces = [np.asarray(program.command(x[:, k], v[:, k], problem.d, problem.p[:, k])[0].full())[:, 0]
               for k in range(count)]  # fmt: skip
     time = horizon.stage * np.arange(count + 1)
-    return ConvergedPlan(
-        status, time, x.T, v.T, np.array(forces), problem.value(x, v), iteration, step, _notes(law, o)
-    )
+    return ConvergedPlan(status, time, x.T, v.T, np.array(forces), problem.value(x, v), iteration, step, _notes(law, o))
 
 
 def _largest_multiplier(qp: Any, o: Any) -> float:

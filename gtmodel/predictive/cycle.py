@@ -1,6 +1,6 @@
 """One cycle of a predictive controller, in Python and as C text: both do the same operations in the same order.
 
-1. The reading corrects the predicted state and the disturbance; a reading that is not finite or jumps is left out.
+1. At first, the state of the start is moved to the reading. The reading corrects the predicted state and the disturbance; a reading that is not finite or jumps is left out.
 2. The state is predicted over the delay, with the inputs on their way.
 3. The last plan is moved on by one period, and the stages are linearised there.
 4. One quadratic program is solved. Without a solution the plan stays as moved.
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 else:
     Controller = hint("gtmodel.predictive.controller", "Controller")
 
-PARTS = ("advance", "correct", "prepare", "finish", "command")
+LOCATING = 8  # steps from the start to the first reading
+PARTS = ("advance", "locate", "correct", "prepare", "finish", "command")
 
 
 class CycleTwin(StepTwin):
@@ -68,6 +69,9 @@ class CycleTwin(StepTwin):
         p = np.broadcast_to(p, (count + 1, p.shape[1])).T
         # 1
         before, d = state["x"], state["d"] if c.estimates else nothing
+        if not begun:
+            for _ in range(LOCATING):
+                (before,) = self._call("locate", before, y)
         hat, d_hat, far = self._call("correct", before, d, y)
         lost = 0
         if not (np.all(np.isfinite(y)) and far[0] <= 1 and np.all(np.isfinite(np.concatenate([hat, d_hat])))):
@@ -87,7 +91,9 @@ class CycleTwin(StepTwin):
             sides = all_sides[: count * qp.stage.positives].reshape(count, -1).T
             share = real.dtype(c.share)
             moved = [a[:, :-1] + share * (a[:, 1:] - a[:, :-1]) for a in (*plan, sides)]
-            plan_x, plan_v, sides = (np.column_stack([b, a[:, -1:]]) for a, b in zip((*plan, sides), moved, strict=True))
+            plan_x, plan_v, sides = (
+                np.column_stack([b, a[:, -1:]]) for a, b in zip((*plan, sides), moved, strict=True)
+            )
             end = all_sides[count * qp.stage.positives :].reshape(-1, 1)
             start = (plan_v, sides, end)
         else:
@@ -203,8 +209,10 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
         lines += [f"{indent}res[{k}] = {r};\n" for k, r in enumerate(results)]
         return "".join(lines) + f"{indent}(void){symbol}_{name}(arg, res, 0, 0, 0);\n"
 
-    shift = moved("plan_x", "plan_x", n, count + 1) + moved("plan_v", "plan_v", m, count) + moved(
-        "start", "sides", own, count
+    shift = (
+        moved("plan_x", "plan_x", n, count + 1)
+        + moved("plan_v", "plan_v", m, count)
+        + moved("start", "sides", own, count)
     )
     if of.end:
         shift += f"        gt_copy(&start[{count * own}], &state->sides[{count * own}], {of.end});\n"
@@ -234,10 +242,14 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
         f"    if (gt_all_finite(p, {rows * np_}) == 0) {{\n        return GT_NOT_FINITE;\n    }}\n"
         "    /* the reading */\n"
         f"    gt_copy(d, {old_d}, {nd});\n"
-        + call("correct", ["state->x", old_d, "reading"], ["hat", "d", "&far"])
+        + f"    gt_copy(next, state->x, {n});\n    if (state->begun == 0) {{\n"
+        f"        for (k = 0; k < {LOCATING}; k++) {{\n"
+        + call("locate", ["next", "reading"], ["hat"], "            ")
+        + f"            gt_copy(next, hat, {n});\n        }}\n    }}\n"
+        + call("correct", ["next", old_d, "reading"], ["hat", "d", "&far"])
         + f"    if ((gt_all_finite(reading, {ny}) == 0) || !(far <= 1.0) || (gt_all_finite(hat, {n}) == 0)\n"
         f"        || (gt_all_finite(d, {nd}) == 0)) {{\n"
-        f"        gt_copy(hat, state->x, {n});\n        gt_copy(d, {old_d}, {nd});\n        lost = state->lost + 1;\n"
+        f"        gt_copy(hat, next, {n});\n        gt_copy(d, {old_d}, {nd});\n        lost = state->lost + 1;\n"
         "        if (state->begun == 0) {\n            return GT_NOT_FINITE;\n        }\n"
         f"        if (lost > {horizon.patience}) {{\n            return GT_STALE_INPUT;\n        }}\n    }}\n"
         f"    /* the delay */\n    gt_copy(x, hat, {n});\n{late}"

@@ -27,6 +27,7 @@ from .statement import Statement
 
 SX = ca.SX
 STANDSTILL = 1e-7  # largest rate at the targets, relative to 1
+SINGULAR = 1e-9  # share of the trace that keeps the step of `locate` finite
 
 
 class _Entries:
@@ -95,6 +96,7 @@ class Discretised(Portable):
     """The program of a statement and all functions of a cycle.
 
     advance   x v d p            -> x after one period
+    locate    x y                -> x closer to the reading: a step of Gauss and Newton
     correct   x d y              -> x d, largest innovation over its jump
     prepare   x v d p            -> data of a stage
     finish    x d p              -> data of the last stage
@@ -147,7 +149,7 @@ class Discretised(Portable):
         period = _after(s, horizon.period, horizon.steps)
         self.advance = _function("advance", [s.x, s.v, self.d, s.p], [moved(period)])
         self.observer = self._observer(period, measured, disturbance)
-        self.correct = self._correction()
+        self.locate, self.correct = self._location(), self._correction()
         forces = ca.substitute(s.forces, s.w, s.v)
         bounded = ca.vertcat(*[
             _bounded(forces[k], low, high)
@@ -226,6 +228,19 @@ class Discretised(Portable):
         gain = np.linalg.solve(H @ P @ H.T + np.diag(R), H @ P).T
         jump = np.concatenate([np.full(size, measured[name].jump) for name, size in names])
         return Observer(gain[:n], gain[n:], jump)
+
+    def _location(self) -> ca.Function:
+        s = self.statement
+        if self.observer is None:
+            y = SX.sym("y", s.x.numel())
+            return _functions("locate", [s.x, y], [y])
+        y, J = SX.sym("y", s.measured.numel()), ca.jacobian(s.measured, s.x)
+        e, (k, n) = y - s.measured, J.shape
+        # least change of the state; readings of one quantity by several sensors share it
+        inner = ca.mtimes(J, J.T) if k <= n else ca.mtimes(J.T, J)
+        inner = ca.densify(inner + SINGULAR * ca.trace(inner) * SX.eye(min(k, n)))
+        step = ca.mtimes(J.T, ca.solve(inner, e)) if k <= n else ca.solve(inner, ca.mtimes(J.T, e))
+        return _functions("locate", [s.x, y], [s.x + step])
 
     def _correction(self) -> ca.Function:
         s, n = self.statement, self.statement.x.numel()
