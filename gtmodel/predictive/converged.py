@@ -117,13 +117,13 @@ def converged(
     wide = np.repeat(problem.d[:, None], count, axis=1)
     while iteration < max_iterations:
         iteration += 1
-        data = np.asarray(problem.prepare(x[:, :-1], v, wide, problem.p[:, :-1]).full())
+        data = np.asarray(problem.prepare(x[:, :-1], v, wide, problem.p[:, :-1], x[:, 1:]).full())
         last = np.asarray(program.finish(x[:, -1], problem.d, problem.p[:, -1]).full())
-        o = problem.method.solve(x0, data, last, (v,))
+        o = problem.method.solve(x0 - x[:, 0], data, last, None)
         if not (o.status == Status.OK or max(o.gap, o.residual) <= NEARLY * (1 + abs(o.cost))):
             status = o.status
             break
-        step = float(max(np.max(np.abs(b - a) / (1 + np.abs(a))) for a, b in ((v, o.u), (x, o.x))))
+        step = float(max(np.max(np.abs(b) / (1 + np.abs(a))) for a, b in ((v, o.u), (x, o.x))))
         problem.exact = max(problem.exact, PRICE * _largest_multiplier(qp, o))
         now, gaps, length = problem.value(x, v), problem.gaps(x, v), 1.0
         # the price of a gap makes the step a descent of cost and gaps together (Nocedal, Wright 2006, eq. (18.36))
@@ -132,12 +132,12 @@ def converged(
             dear = max(dear, rise / (SHARE * gaps))
         descent = rise - dear * gaps
         while step > NEAR and length > 0.5**HALVINGS:
-            ahead_x, ahead_v = x + length * (o.x - x), v + length * (o.u - v)
+            ahead_x, ahead_v = x + length * o.x, v + length * o.u
             merit = problem.value(ahead_x, ahead_v) + dear * problem.gaps(ahead_x, ahead_v)
             if merit <= now + dear * gaps + DESCENT * length * descent:
                 break
             length /= 2
-        x, v = x + length * (o.x - x), v + length * (o.u - v)
+        x, v = x + length * o.x, v + length * o.u
         if step <= tolerance:
             status = Status.OK
             break

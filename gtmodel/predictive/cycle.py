@@ -1,6 +1,7 @@
 """One cycle of a predictive controller, in Python and as C text: both do the same operations in the same order.
 
-1. At first, the state of the start is moved to the reading. The reading corrects the predicted state and the disturbance; a reading that is not finite or jumps is left out.
+1. The reading corrects the predicted state and the disturbance; a reading that is not finite or jumps is left out. In
+   the first cycle, the state of the start is moved to the reading before.
 2. The state is predicted over the delay, with the inputs on their way.
 3. The last plan is moved on by one period, and the stages are linearised there.
 4. One quadratic program is solved. Without a solution the plan stays as moved.
@@ -95,17 +96,17 @@ class CycleTwin(StepTwin):
                 np.column_stack([b, a[:, -1:]]) for a, b in zip((*plan, sides), moved, strict=True)
             )
             end = all_sides[count * qp.stage.positives :].reshape(-1, 1)
-            start = (plan_v, sides, end)
+            start = (np.zeros_like(plan_v), sides, end)
         else:
             plan_x = np.repeat(x[:, None], count + 1, axis=1)
             plan_v, start = np.repeat(real.array(c.first)[:, None], count, axis=1), None
-        data = self._prepared(plan_x[:, :-1], plan_v, d_hat, p[:, :-1])
+        data = self._prepared(plan_x, plan_v, d_hat, p[:, :-1])
         (last,) = self._call("finish", plan_x[:, -1], d_hat, p[:, -1])
         # 4
-        o = self.method.solve(x, data, last.reshape(-1, 1), start or (plan_v,))
+        o = self.method.solve(x - plan_x[:, 0], data, last.reshape(-1, 1), start)
         failed = 0
         if o.status == Status.OK:
-            plan_x, plan_v, sides, end = o.x, o.u, o.sides, o.last_sides
+            plan_x, plan_v, sides, end = plan_x + o.x, plan_v + o.u, o.sides, o.last_sides
         else:
             failed = int(state["failed"]) + 1
             if not begun or failed > horizon.patience:
@@ -142,7 +143,7 @@ class CycleTwin(StepTwin):
         return [r[:, 0] for r in run(f, [np.reshape(a, (-1, 1)) for a in arguments])]
 
     def _prepared(self, x: Any, v: Any, d: np.ndarray, p: Any) -> np.ndarray:
-        wide = [x, v, np.repeat(d[:, None], x.shape[1], axis=1), p]
+        wide = [x[:, :-1], v, np.repeat(d[:, None], v.shape[1], axis=1), p, x[:, 1:]]
         if self.real is DOUBLE:
             return np.asarray(self._prepare.call(wide)[0].full())
         return run(self.functions["prepare"], wide)[0]
@@ -186,7 +187,7 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
     rows = count + 1 if horizon.preview else 1
     arrays, pointers = of.memory()
     own = of.own
-    numbers = {"reading": ny, "p": rows * np_, "hat": n, "d": nd, "next": n, "plan_x": (count + 1) * n, "plan_v": count * m,
+    numbers = {"reading": ny, "p": rows * np_, "hat": n, "ahead": n, "d": nd, "next": n, "plan_x": (count + 1) * n, "plan_v": count * m,
                "start": of.sides, "data": count * qp.stage.numbers, "last_data": qp.last.numbers, "command": forces,
                "shown": shown}  # fmt: skip
     locals_ = "".join(f"    double {k}[{max(1, size)}];\n" for k, size in numbers.items())
@@ -220,8 +221,8 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
     now = "state->past" if delay else "plan_v"
     late = (
         f"    for (k = 0; k < {delay}; k++) {{\n"
-        + call("advance", ["x", f"&state->past[k * {m}]", "d", "p"], ["next"], "        ")
-        + f"        gt_copy(x, next, {n});\n    }}\n"
+        + call("advance", ["ahead", f"&state->past[k * {m}]", "d", "p"], ["next"], "        ")
+        + f"        gt_copy(ahead, next, {n});\n    }}\n"
         if delay
         else ""
     )
@@ -236,7 +237,7 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
         f"{of.table()}{init_text(symbol, f'    gt_copy(state->x, start->x, {n});' + chr(10), start_finite)}"
         f"{step_prototype(symbol)}\n{{\n    static const double first[{m}] = {{{first}}};\n"
         "    gt_stage_qp_work work;\n    gt_stage_qp_call call;\n    gt_stage_qp_outcome found;\n"
-        "    gt_status status;\n    const double *arg[4];\n    double *res[3];\n    double far = 0.0;\n"
+        "    gt_status status;\n    const double *arg[5];\n    double *res[3];\n    double far = 0.0;\n"
         f"    double clipped = 0.0;\n    int lost = 0;\n    int failed = 0;\n    int k;\n{locals_}{arrays}\n"
         f"{_gathered(c.readings, 'reading')}{_goals(c, rows)}"
         f"    if (gt_all_finite(p, {rows * np_}) == 0) {{\n        return GT_NOT_FINITE;\n    }}\n"
@@ -252,25 +253,28 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
         f"        gt_copy(hat, next, {n});\n        gt_copy(d, {old_d}, {nd});\n        lost = state->lost + 1;\n"
         "        if (state->begun == 0) {\n            return GT_NOT_FINITE;\n        }\n"
         f"        if (lost > {horizon.patience}) {{\n            return GT_STALE_INPUT;\n        }}\n    }}\n"
-        f"    /* the delay */\n    gt_copy(x, hat, {n});\n{late}"
+        f"    /* the delay */\n    gt_copy(ahead, hat, {n});\n{late}"
         f"    /* the last plan, moved on */\n    if (state->begun != 0) {{\n{shift}    }} else {{\n"
-        f"        for (k = 0; k <= {count}; k++) {{\n            gt_copy(&plan_x[k * {n}], x, {n});\n        }}\n"
+        f"        for (k = 0; k <= {count}; k++) {{\n            gt_copy(&plan_x[k * {n}], ahead, {n});\n        }}\n"
         f"        for (k = 0; k < {count}; k++) {{\n            gt_copy(&plan_v[k * {m}], first, {m});\n        }}\n"
         f"    }}\n    for (k = 0; k < {count}; k++) {{\n"
         + call(
-            "prepare", [f"&plan_x[k * {n}]", f"&plan_v[k * {m}]", "d", at], [f"&data[k * {qp.stage.numbers}]"], "        "
+            "prepare", [f"&plan_x[k * {n}]", f"&plan_v[k * {m}]", "d", at, f"&plan_x[(k + 1) * {n}]"], [f"&data[k * {qp.stage.numbers}]"], "        "
         )
         + "    }\n"
         + call("finish", [f"&plan_x[{count * n}]", "d", end], ["last_data"])
         + f"    /* the program */\n{pointers}    call.f = &{symbol}_qp;\n    call.data = data;\n"
-        f"    call.last_data = last_data;\n    call.w = &work;\n    gt_copy(u, plan_v, {count * m});\n"
+        f"    call.last_data = last_data;\n    call.w = &work;\n    for (k = 0; k < {n}; k++) {{\n"
+        f"        x[k] = ahead[k] - plan_x[k];\n    }}\n    for (k = 0; k < {count * m}; k++) {{\n"
+        "        u[k] = 0.0;\n    }\n"
         "    status = gt_stage_qp_solve(&call, (state->begun != 0) ? start : 0, &found);\n"
         "    if (status == GT_OK) {\n"
-        f"        gt_copy(plan_x, x, {(count + 1) * n});\n        gt_copy(plan_v, u, {count * m});\n"
+        f"        for (k = 0; k < {(count + 1) * n}; k++) {{\n            plan_x[k] += x[k];\n        }}\n"
+        f"        for (k = 0; k < {count * m}; k++) {{\n            plan_v[k] += u[k];\n        }}\n"
         f"        gt_copy(start, sides, {of.sides});\n    }} else {{\n        failed = state->failed + 1;\n"
         f"        if ((state->begun == 0) || (failed > {horizon.patience})) {{\n            return status;\n        }}\n"
         "    }\n    /* the output */\n"
-        + call("command", ["x", "plan_v", "d", "p"], ["command", "&clipped", "shown"])
+        + call("command", ["ahead", "plan_v", "d", "p"], ["command", "&clipped", "shown"])
         + call("advance", ["hat", now, "d", "p"], ["next"])
         + f"    if ((gt_all_finite(command, {forces}) == 0) || (gt_all_finite(&clipped, 1) == 0)\n"
         f"        || (gt_all_finite(shown, {shown}) == 0) || (gt_all_finite(next, {n}) == 0)) {{\n"

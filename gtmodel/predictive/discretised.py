@@ -2,7 +2,8 @@
 
 A stage of length h holds its input; the state after it follows by Runge-Kutta steps of fourth order. The cost of a
 stage is h times the squares of the residuals at its beginning, with the Hessian of Gauss and Newton. Entries that are
-constant stand as numbers in the stage; all others are computed by `prepare` from the plan.
+constant stand as numbers in the stage; all others are computed by `prepare` from the plan. The program is one in the
+changes of the plan, whose numbers stay small near the targets: single precision can solve it.
 """
 
 from __future__ import annotations
@@ -57,15 +58,8 @@ class _Entries:
         return result
 
     def affine(self, e: Any, z: Any, at: Any) -> Any:
-        """The expression linearised at z, in the symbols `at`."""
-        J = ca.jacobian(e, z)
-        rest = []
-        for k in range(e.numel()):
-            row = J[k, :]
-            plain = ca.depends_on(row, z)
-            rest.append(e[k] - ca.mtimes(row, z) if plain else ca.substitute(e[k], z, SX.zeros(z.numel())))
-        offset = [self.of(ca.simplify(r)) for r in rest]
-        return ca.mtimes(self.of_matrix(J), at) + ca.vertcat(SX(0, 1), *offset)
+        """The expression linearised at z, in the changes `at` of z."""
+        return ca.mtimes(self.of_matrix(ca.jacobian(e, z)), at) + self.of_matrix(ca.densify(e))
 
     @property
     def column(self) -> Any:
@@ -98,7 +92,7 @@ class Discretised(Portable):
     advance   x v d p            -> x after one period
     locate    x y                -> x closer to the reading: a step of Gauss and Newton
     correct   x d y              -> x d, largest innovation over its jump
-    prepare   x v d p            -> data of a stage
+    prepare   x v d p following  -> data of a stage; following: the planned state after it
     finish    x d p              -> data of the last stage
     command   x v d p            -> inputs of the model within their limits, what these cut off, outputs
     """
@@ -122,23 +116,25 @@ class Discretised(Portable):
         self.rows = ca.Function("rows", [s.x, s.v, s.w, s.p], [rows])
         x, v, entries = SX.sym("x", n), SX.sym("u", m), _Entries()
         z, at = ca.vertcat(s.x, s.v), ca.vertcat(x, v)
-        after_qp = entries.affine(moved(after), z, at)
+        following = SX.sym("following", n)
+        after_qp = entries.affine(moved(after) - following, z, at)
         cost = _quadratic(entries, moved(residuals), z, at, h)
         limits = _limits(entries, s, moved(rows), z, at, range(len(s.rows)), prices, price)
         stage = HorizonStage(x, v, entries.column, after_qp, cost, limits)
-        self.prepare = _function("prepare", [s.x, s.v, self.d, s.p], entries.values)
+        self.prepare = _function("prepare", [s.x, s.v, self.d, s.p, following], entries.values)
         end, x_end = _Entries(), SX.sym("x", n)
         soft = [k for k, r in enumerate(s.rows) if r.soft]
         self.terminal = self._terminal(residuals, after) if horizon.terminal else np.zeros((n, n))
         rest = self.standstill
         goal = SX(rest.x) + (ca.mtimes(SX(rest.x_p), s.p - SX(s.targets)) if s.p.numel() else 0)
         final = _quadratic(end, s.end, s.x, x_end, 1.0)
+        away = s.x - goal
         final += ca.dot(x_end, ca.mtimes(SX(self.terminal), x_end)) / 2
-        pull = -ca.mtimes(SX(self.terminal), goal)
-        final += ca.dot(ca.vertcat(*[end.of(pull[k]) for k in range(n)]), x_end) + end.of(-ca.dot(pull, goal) / 2)
+        final += ca.dot(end.of_matrix(ca.densify(ca.mtimes(SX(self.terminal), away))), x_end)
+        final += end.of(ca.dot(away, ca.mtimes(SX(self.terminal), away)) / 2)
         self.final_cost = ca.Function(
             "final", [s.x, s.p],
-            [ca.sumsqr(s.end) + ca.dot(s.x - goal, ca.mtimes(SX(self.terminal), s.x - goal)) / 2],
+            [ca.sumsqr(s.end) + ca.dot(away, ca.mtimes(SX(self.terminal), away)) / 2],
         )  # fmt: skip
         limits = _limits(end, s, rows, s.x, x_end, soft, prices, price)
         last = HorizonStage(x_end, None, end.column, None, final, limits)
@@ -292,18 +288,13 @@ def _after(s: Statement, length: float, steps: int) -> Any:
 
 
 def _quadratic(entries: _Entries, residuals: Any, z: Any, at: Any, h: float) -> Any:
-    """h times the squares of residuals, by Gauss and Newton."""
+    """h times the squares of residuals, by Gauss and Newton, in the changes `at` of z."""
     if not residuals.numel():
         return SX(0)
     J = ca.jacobian(residuals, z)
-    offset = ca.vertcat(*[
-        r - ca.mtimes(J[k, :], z) if ca.depends_on(J[k, :], z) else ca.substitute(r, z, SX.zeros(z.numel()))
-        for k, r in enumerate(ca.vertsplit(residuals))
-    ])  # fmt: skip
-    H = entries.of_matrix(ca.triu(2 * h * ca.mtimes(J.T, J)))
-    H = ca.triu2symm(H)
-    g = entries.of_matrix(2 * h * ca.mtimes(J.T, offset))
-    return ca.dot(at, ca.mtimes(H, at)) / 2 + ca.dot(g, at) + entries.of(h * ca.sumsqr(offset))
+    H = ca.triu2symm(entries.of_matrix(ca.triu(2 * h * ca.mtimes(J.T, J))))
+    g = entries.of_matrix(2 * h * ca.mtimes(J.T, residuals))
+    return ca.dot(at, ca.mtimes(H, at)) / 2 + ca.dot(g, at) + entries.of(h * ca.sumsqr(residuals))
 
 
 def _limits(
