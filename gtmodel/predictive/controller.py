@@ -225,7 +225,11 @@ class Controller(StepFunction, Portable):
         records = np.zeros(rows, dtype_of(self.inputs, real))
         for k in self.inputs:
             typical = complete[k.identifier].reshape(-1)
-            values = typical + SPREAD * (np.abs(typical) + SPREAD) * rng.normal(size=(rows, k.count))
+            spread = SPREAD * (np.abs(typical) + SPREAD)
+            if k in self.readings and self.program.observer is not None:
+                place = sum(r.count for r in self.readings[: self.readings.index(k)])
+                spread = np.minimum(spread, SPREAD * self.program.observer.jump[place : place + k.count])
+            values = typical + spread * rng.normal(size=(rows, k.count))
             if k in self.readings:
                 values[rng.random(rows) < MISSING, 0] = np.nan
             records[k.identifier] = real.array(values.reshape(records[k.identifier].shape))
