@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -341,11 +342,16 @@ class ControllerRun(Portable):
     """
 
     def __init__(self, law: Controller, x: np.ndarray) -> None:
-        self.law, self.twin = law, law.twin()
+        self.law = law
         self.state = record(law.state, DOUBLE)
         status = self.twin.init(self.state, record(law.start, DOUBLE, {"x": x}))
         if status != Status.OK:
             raise ArgumentError("expected finite numbers", "x")
+
+    @cached_property
+    def twin(self) -> CycleTwin:
+        """The operations of a cycle."""
+        return CycleTwin(self.law)
 
     def step(self, measured: Mapping[str, Any], goals: Mapping[str, Any] | None = None) -> CycleResult:
         """Run one cycle.

@@ -181,6 +181,8 @@ def _refuse(problem: DynamicProblem) -> None:
         raise ModelError(f"{title}: a free constant such as {problem.free_names[0]} is not part of a controller")
     if problem.points:
         raise ModelError(f"{title}: {problem.points[0].label} holds at one instant; a horizon that moves has none")
+    if np.any(np.isfinite([problem.end_bounds.low, problem.end_bounds.high])):
+        raise ModelError(f"{title}: a state is prescribed at one instant, the end; a horizon that moves has none")
     if problem.misfits:
         raise ModelError(f"{title}: gt.misfit is not part of a controller")
     expressions = [r for r in problem.rates if r is not None] + [
