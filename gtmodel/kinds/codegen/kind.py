@@ -12,12 +12,13 @@ from gtmodel.filtering import ControllerFilter, InitialState, ProcessModel, Sens
 from gtmodel.fmu import FmuStudy
 from gtmodel.fmu.unit_study import study as unit_study
 from gtmodel.lang import Model, ModelError
+from gtmodel.predictive import Controller, controller
 from gtmodel.problem_files.base import Call, Context, InputError
 from gtmodel.problem_files.noted import doubts, refuse_distrusted
 from gtmodel.results import ArgumentError
 from gtmodel.results.refusal import naming
 
-from .keys import FilterSection, Schema, from_result, keys_of_units
+from .keys import FilterSection, PredictiveSection, Schema, from_result, keys_of_units
 
 arguments = keys_of_units
 VERSIONS = {"3": (3,), "2": (2,), "both": (3, 2)}
@@ -97,8 +98,8 @@ def explain(problem: Schema, context: Context) -> str:
 def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction | StepFunction]:
     """Return functions and filters by name; after a stop request, those finished so far. Raises InputError for a
     duplicate name and for a wrong causality."""
-    if not problem.functions and not problem.filters:
-        raise InputError("there is nothing to generate; give [[functions]] or [[filters]]", "functions")
+    if not (problem.functions or problem.filters or problem.predictive):
+        raise InputError("there is nothing to generate; give [[functions]], [[filters]] or [[predictive]]", "functions")
     model = problem.model(context)
     functions: dict[str, CausalFunction | StepFunction] = {}
     for n, f in enumerate(problem.functions):
@@ -124,6 +125,20 @@ def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction 
             raise InputError(error.message, f"filters[{n}].{key}" if key else f"filters[{n}]") from error
         except ModelError as error:
             raise InputError(str(error), f"filters[{n}]") from error
+    for n, section in enumerate(problem.predictive):
+        if section.name in functions:
+            raise InputError(f"'{section.name}' names two functions", f"predictive[{n}].name")
+        if context.interrupted():
+            break
+        context.progress(f"deriving {section.name}", n / len(problem.predictive))
+        try:
+            functions[section.name] = _predictive(section, model)
+        except ArgumentError as error:
+            units = {"period": "period_s", "length": "length_s"}
+            key = units.get(error.argument, error.argument)
+            raise InputError(error.message, f"predictive[{n}].{key}" if key else f"predictive[{n}]") from error
+        except ModelError as error:
+            raise InputError(str(error), f"predictive[{n}]") from error
     return functions
 
 
@@ -145,3 +160,14 @@ def _filter(section: FilterSection, model: Model) -> ControllerFilter:
     closed = {s.name: s.closed_cycles for s in section.sensors if s.closed_cycles is not None}
     start = InitialState(section.start.mean, section.start.deviation) if section.start else InitialState({}, {})
     return ControllerFilter(System(process, sensors), section.period_s, start, stale=stale, closed=closed)
+
+
+def _predictive(section: PredictiveSection, model: Model) -> Controller:
+    """The controller of one table."""
+    with naming("measured."):
+        measured = {name: m.options() for name, m in section.measured.items()}
+    return controller(
+        model, section.options(), tolerances=section.tolerances, targets=section.targets,
+        references=section.references, limits=section.limits, prices=section.prices, measured=measured,
+        disturbance=section.disturbance, outputs=section.outputs, prefer=section.prefer,
+    )  # fmt: skip
