@@ -15,10 +15,11 @@
 # %% [markdown]
 # # An optimum every four milliseconds
 #
-# **A fast motion is planned at a desk and then replayed. What if the payload is wrong, or the goal moves on the way?**
+# **A fast motion is planned at a desk and then replayed. What if the payload is wrong, or the goal moves?**
 #
-# A predictive controller plans anew in every cycle, from the measured state, within the limits of the motors. Here it is
-# made from the same model of components as everything else. It runs in a simulation and, bit for bit the same, in C.
+# A predictive controller plans anew in every cycle, from the measured state, within the limits of the motors. Here it
+# is made from the same model of components as everything else. It runs in a simulation and, bit for bit the same, in
+# C.
 
 # %%
 # %matplotlib inline
@@ -33,10 +34,10 @@ import gtmodel as gt
 # %% [markdown]
 # ## 1 The statement
 #
-# The cost is stated by tolerances: 1 mm of error counts as much as 0.5 m/s of speed or 20 m/s2 of acceleration. The motors
-# give at most 700 N, exactly; the carts should not exceed 1.5 m/s. The carts are measured, and a force acts two cycles
-# after the reading that it answers. `disturbance` says how much the model may be wrong: an offset of each force is
-# estimated from the readings.
+# The cost is stated by tolerances: 1 mm of error counts as much as 0.5 m/s of speed or 20 m/s2 of acceleration. The
+# motors give at most 700 N, exactly; the carts should not exceed 1.5 m/s. The carts are measured, and a force acts
+# two cycles after the reading that it answers. `disturbance` says how much the model may be wrong: an offset of each
+# force is estimated from the readings.
 
 # %%
 first, second = np.array([0.5, -0.9, 0.3]), np.array([0.45, -0.95, 0.25])
@@ -54,9 +55,9 @@ law = gt.predictive.controller(
 print(law.explain())
 
 # %% [markdown]
-# Two causalities are possible. With forces as inputs, a stage integrates the robot's motion. With accelerations as inputs
-# (the inverse form), the motion is linear, and the forces are limited quantities that follow from inverse dynamics. The
-# operations of a whole cycle decide.
+# Two causalities are possible. With forces as inputs, a stage integrates the robot's motion. With accelerations as
+# inputs (the inverse form), the motion is linear, and the forces are limited quantities that follow from inverse
+# dynamics. The operations of a whole cycle decide.
 #
 # ## 2 The loop
 #
@@ -89,8 +90,8 @@ figure
 # %% [markdown]
 # ## 3 The same in C
 #
-# The C code needs no library. Its memory is the caller's, its loops are bounded, and every cycle gives the same bits as
-# Python, also with readings that are lost (NaN) or absurd.
+# The C code needs no library. Its memory is the caller's, its loops are bounded, and every cycle gives the same bits
+# as Python, also with readings that are lost (NaN) or absurd.
 
 # %%
 folder = Path(tempfile.mkdtemp()) / "l1_predictive"
@@ -99,6 +100,6 @@ print(study.message)
 assert study.status.ok
 
 # %% [markdown]
-# **Answer**: the goal is reached without offset although the payload is wrong and the goal moved, and no force above the
-# limit was ever asked for. `gtmodel codegen problems/l1_predictive.toml -o build/l1 --check` writes the same controller
-# from a file.
+# **Answer**: the goal is reached without offset although the payload is wrong and the goal moved, and no force above
+# the limit was ever asked for. `gtmodel codegen problems/l1_predictive.toml -o build/l1 --check` writes the same
+# controller from a file.

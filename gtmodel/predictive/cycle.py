@@ -21,7 +21,7 @@ from ..cgen.real import DOUBLE, Real, decimal
 from ..cgen.steps.function import StepTwin, step_prototype
 from ..results.status import Status
 from .interior_point import InteriorPoint
-from .qp_text import QPText, init_text
+from .qp_text import QPText, called, init_text
 
 if TYPE_CHECKING:
     from .controller import Controller
@@ -151,8 +151,6 @@ class CycleTwin(StepTwin):
 
 def kernels_of(controller: Controller, symbol: str) -> list[ca.Function]:
     """Return the generated functions under their C names."""
-    from .qp_text import called
-
     program = controller.program
     own = [called(getattr(program, name), f"{symbol}_{name}") for name in PARTS]
     return [*own, *QPText(program.qp, symbol, 1.0).kernels()]
@@ -187,9 +185,11 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
     rows = count + 1 if horizon.preview else 1
     arrays, pointers = of.memory()
     own = of.own
-    numbers = {"reading": ny, "p": rows * np_, "hat": n, "ahead": n, "d": nd, "next": n, "plan_x": (count + 1) * n, "plan_v": count * m,
-               "start": of.sides, "data": count * qp.stage.numbers, "last_data": qp.last.numbers, "command": forces,
-               "shown": shown}  # fmt: skip
+    numbers = {
+        "reading": ny, "p": rows * np_, "hat": n, "ahead": n, "d": nd, "next": n, "plan_x": (count + 1) * n,
+        "plan_v": count * m, "start": of.sides, "data": count * qp.stage.numbers, "last_data": qp.last.numbers,
+        "command": forces, "shown": shown,
+    }  # fmt: skip
     locals_ = "".join(f"    double {k}[{max(1, size)}];\n" for k, size in numbers.items())
     first = ", ".join(decimal(v) for v in c.first)
     at = f"&p[k * {np_}]" if horizon.preview else "p"
@@ -232,6 +232,8 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
         if delay
         else ""
     )
+    planned = [f"&plan_x[k * {n}]", f"&plan_v[k * {m}]", "d", at, f"&plan_x[(k + 1) * {n}]"]
+    prepared = call("prepare", planned, [f"&data[k * {qp.stage.numbers}]"], "        ")
     start_finite = f"    if (gt_all_finite(start->x, {n}) == 0) {{\n        return GT_NOT_FINITE;\n    }}\n"
     return (
         f"{of.table()}{init_text(symbol, f'    gt_copy(state->x, start->x, {n});' + chr(10), start_finite)}"
@@ -258,9 +260,7 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
         f"        for (k = 0; k <= {count}; k++) {{\n            gt_copy(&plan_x[k * {n}], ahead, {n});\n        }}\n"
         f"        for (k = 0; k < {count}; k++) {{\n            gt_copy(&plan_v[k * {m}], first, {m});\n        }}\n"
         f"    }}\n    for (k = 0; k < {count}; k++) {{\n"
-        + call(
-            "prepare", [f"&plan_x[k * {n}]", f"&plan_v[k * {m}]", "d", at, f"&plan_x[(k + 1) * {n}]"], [f"&data[k * {qp.stage.numbers}]"], "        "
-        )
+        + prepared
         + "    }\n"
         + call("finish", [f"&plan_x[{count * n}]", "d", end], ["last_data"])
         + f"    /* the program */\n{pointers}    call.f = &{symbol}_qp;\n    call.data = data;\n"
@@ -272,7 +272,8 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
         f"        for (k = 0; k < {(count + 1) * n}; k++) {{\n            plan_x[k] += x[k];\n        }}\n"
         f"        for (k = 0; k < {count * m}; k++) {{\n            plan_v[k] += u[k];\n        }}\n"
         f"        gt_copy(start, sides, {of.sides});\n    }} else {{\n        failed = state->failed + 1;\n"
-        f"        if ((state->begun == 0) || (failed > {horizon.patience})) {{\n            return status;\n        }}\n"
+        f"        if ((state->begun == 0) || (failed > {horizon.patience})) {{\n"
+        "            return status;\n        }\n"
         "    }\n    /* the output */\n"
         + call("command", ["ahead", "plan_v", "d", "p"], ["command", "&clipped", "shown"])
         + call("advance", ["hat", now, "d", "p"], ["next"])

@@ -79,7 +79,7 @@ class Standstill(Portable):
 
 @dataclass(frozen=True, eq=False)
 class Observer(Portable):
-    """Gains of the steady-state Kalman filter, of state and disturbance by an innovation, and the largest innovations."""
+    """Gains of the steady-state Kalman filter for state and disturbance, and the largest innovations."""
 
     x: np.ndarray
     d: np.ndarray

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -84,7 +84,6 @@ class Statement(Portable):
     shown: list[Signal]
     targets: np.ndarray
     start: np.ndarray
-    held: list[int] = field(default_factory=list)  # places among the inputs that have a tolerance
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,8 +139,10 @@ class Reader:
             if name not in self._places:
                 self._places[name] = len(self._entries), len(indices)
                 self._entries += [self.flat.scope.symbol(i, order) for i in indices]
-            unit = self.flat.variables[indices[0]].unit if order == 0 else None
-            found.append(Signal(name, len(indices), unit or "?"))
+            unit = self.flat.variables[indices[0]].unit or "?"
+            if order:
+                unit = "?" if unit == "?" or "/" in unit else f"{unit}/s{order if order > 1 else ''}"
+            found.append(Signal(name, len(indices), unit))
         return found
 
     def _tunable(self) -> list[str]:
@@ -238,9 +239,9 @@ class _Assembly:
             p, references = problem.P, self._of_parameters()
             targets = problem.P_guess.copy()
             residuals = [r for s, e, weight in problem.integrals if weight for r in squares(weight * e, flat)]
-            end, held = self._mayer(), list[int]()
+            end = self._mayer()
         else:
-            p, references, targets, residuals, held = self._of_tolerances(at, hold)
+            p, references, targets, residuals = self._of_tolerances(at, hold)
             end = []
         start = np.array([start_of(flat, problem.base.alias, pair) for pair in problem.state_pairs])
         low, high = problem.u_bounds.low[: len(self.names)].copy(), problem.u_bounds.high[: len(self.names)].copy()
@@ -267,8 +268,8 @@ class _Assembly:
             LimitedQuantity(name, e, a, b, size, not ca.depends_on(e, ca.vertcat(self.v, self.w)))
             for (name, _, a, b, size), e in zip(rows, commanded, strict=True)
         ]
-        groups = [(s.name, [e for e in at[s.name]]) for s in reader.sensors]
-        measured = ca.vertcat(SX(0, 1), *self.moved([e for _, g in groups for e in g], False))
+        measured = ca.vertcat(SX(0, 1), *self.moved([e for s in reader.sensors for e in at[s.name]], False))
+        states = [Signal(declared_name(flat, problem.base.alias, p)[0], 1, "?") for p in problem.state_pairs]
         if ca.depends_on(measured, self.w):
             raise ArgumentError("expected variables that the inputs do not change at once", "measured")
         return Statement(
@@ -279,8 +280,8 @@ class _Assembly:
             measured=measured,
             outputs=ca.vertcat(SX(0, 1), *self.moved([e for s in reader.shown for e in at[s.name]], False)),
             rows=limited, force_low=low, force_high=high,
-            states=[Signal(declared_name(flat, problem.base.alias, p)[0], 1, "?") for p in problem.state_pairs], inputs=self._inputs(), references=references,
-            sensors=reader.sensors, shown=reader.shown, targets=targets, start=start, held=held,
+            states=states, inputs=self._inputs(), references=references,
+            sensors=reader.sensors, shown=reader.shown, targets=targets, start=start,
         )  # fmt: skip
 
     def _inputs(self) -> list[Signal]:
@@ -302,13 +303,7 @@ class _Assembly:
         """References, their targets, and residuals (value - reference) / tolerance."""
         reader = self.reader
         wishes, flat = reader.wishes, self.problem.flat
-        references, symbols, targets, residuals, held = (
-            list[Signal](),
-            list[Any](),
-            list[float](),
-            list[Any](),
-            list[int](),
-        )
+        references, symbols, targets, residuals = list[Signal](), list[Any](), list[float](), list[Any]()
         for name in wishes.references:
             if name not in wishes.tolerances:
                 raise ArgumentError(f"'{name}' has no tolerance; give it one", "references")
@@ -330,12 +325,11 @@ class _Assembly:
                 targets += goal.tolist()
             elif order == 0 and set(indices) <= set(self.problem.control_indices) and signal.name not in wishes.targets:
                 own = [self.problem.control_indices.index(i) for i in indices]
-                held += own
                 symbol = hold[own]
             else:
                 symbol = SX(goal)
             residuals += [(e - symbol[k]) / tolerance[k] for k, e in enumerate(at[signal.name])]
-        return ca.vertcat(SX(0, 1), *symbols), references, np.array(targets), residuals, held
+        return ca.vertcat(SX(0, 1), *symbols), references, np.array(targets), residuals
 
     def _declared_rows(self) -> list[tuple[str, Any, float, float, float]]:
         """Bounds of states and path constraints of the model."""

@@ -94,7 +94,7 @@ def set_point() -> Controller:
 
 
 def by_ipopt(law: Controller, x0: np.ndarray) -> tuple[float, np.ndarray]:
-    """Least cost and inputs of the same stages, all at once, from the same start; excesses of soft limits as unknowns."""
+    """Least cost and inputs of the same stages, from the same start; excesses of soft limits are unknowns."""
     program, s = law.program, law.program.statement
     count, n, m, p = program.qp.count, program.qp.stage.states, program.qp.stage.inputs, law.references_of({})
     x, v = ca.MX.sym("x", n, count + 1), ca.MX.sym("v", m, count)
