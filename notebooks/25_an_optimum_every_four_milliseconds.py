@@ -44,7 +44,7 @@ first, second = np.array([0.5, -0.9, 0.3]), np.array([0.45, -0.95, 0.25])
 robot = gt.robots.gantry_tau("l1_tape", inertia="model_2", velocity_scale=0.1)
 law = gt.predictive.controller(
     robot,
-    gt.predictive.Horizon(period=0.004, stages=40, length=0.01, delay=2),
+    gt.predictive.ControlHorizon(period=0.004, stages=40, length=0.01, delay=2),
     tolerances={"T": 0.001, "der(T)": 0.5, "der(T,2)": 20.0},
     targets={"T": first},
     references=["T"],

@@ -22,7 +22,7 @@ from .block import block_of, closed_loop
 from .converged import ConvergedPlan, converged
 from .cycle import CycleTwin, kernels_of, text_of
 from .discretised import Discretised
-from .options import Horizon, Measurement
+from .options import ControlHorizon, Measurement
 from .statement import Reader, Wishes
 
 PRICE = (1e3, 1e3)  # of a soft limit, by its size
@@ -31,7 +31,7 @@ SPREAD, MISSING = 0.02, 0.1  # of examples: relative to the typical numbers; sha
 
 def controller(
     model: Model,
-    horizon: Horizon,
+    horizon: ControlHorizon,
     *,
     tolerances: Mapping[str, Any] | None = None,
     targets: Mapping[str, Any] | None = None,
@@ -47,8 +47,8 @@ def controller(
     """Return the predictive controller of a model of components.
 
     In each cycle it minimises the integral over the horizon of the squares of (value - reference) / tolerance, plus a
-    cost after the horizon by the Riccati equation (`Horizon.terminal`). One linearisation and one quadratic program are
-    solved in a cycle (real-time iteration; Diehl, Bock, Schloeder 2005, SIAM J. Control Optim. 43, 1714-1736).
+    cost after the horizon by the Riccati equation (`ControlHorizon.terminal`). A cycle linearises once and solves one
+    quadratic program (real-time iteration; Diehl, Bock, Schloeder 2005, SIAM J. Control Optim. 43, 1714-1736).
 
     Args:
         model: with its inputs declared by gt.input; these are decided. An Optimization states its own cost, a sum of
@@ -80,7 +80,7 @@ def controller(
     ...         yield gt.der(self.x) == self.v
     ...         yield self.m * gt.der(self.v) == self.force
     >>> law = gt.predictive.controller(
-    ...     Cart(), gt.predictive.Horizon(period=0.05, stages=20), tolerances={"x": 0.01, "force": 1.0},
+    ...     Cart(), gt.predictive.ControlHorizon(period=0.05, stages=20), tolerances={"x": 0.01, "force": 1.0},
     ...     targets={"x": 0.0}, references=["x"],
     ... )
     >>> cycle = law.begin()
@@ -276,7 +276,7 @@ class Controller(StepFunction, Portable):
         ...     v = gt.input(min=-1.0, max=1.0)
         ...     def equations(self):
         ...         yield gt.der(self.x) == self.v
-        >>> horizon = gt.predictive.Horizon(period=0.1, stages=20)
+        >>> horizon = gt.predictive.ControlHorizon(period=0.1, stages=20)
         >>> law = gt.predictive.controller(Cart(), horizon, tolerances={"x": 0.1, "v": 1.0}, targets={"x": 0.0})
         >>> plan = law.converge([1.0])
         >>> plan.status.name, plan.inputs[0].round(6)
@@ -377,10 +377,10 @@ class ControllerRun(Portable):
         inputs = law._filled(values, goals or {})
         outputs = record(law.outputs, DOUBLE)
         status = self.twin.step(self.state, inputs, outputs)
-        found = (
+        values = (
             {k.name: np.array(outputs[k.identifier]).reshape(-1) for k in law.outputs} if status == Status.OK else {}
         )
-        return CycleResult(status, found, self.state["plan_v"].reshape(law.program.qp.count, -1).copy())
+        return CycleResult(status, values, self.state["plan_v"].reshape(law.program.qp.count, -1).copy())
 
     @property
     def disturbance(self) -> np.ndarray:

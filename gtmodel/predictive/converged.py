@@ -159,14 +159,14 @@ def _notes(law: Controller, o: Any) -> list[str]:
     if o is None:
         return []
     qp, rows = law.program.qp, law.program.statement.rows
-    sides, found = qp.stage.sides, []
+    sides, exceeded = qp.stage.sides, []
     for j, side in enumerate(sides):
         if side.price is None:
             continue
         excess = o.sides[2 * len(sides) + qp.stage.soft.index(j), 1:]
         if np.max(excess, initial=0.0) > 1e-4:
-            found.append(
+            exceeded.append(
                 f"'{rows[side.row].name}' exceeds its limit by {100 * np.max(excess):.2g} % of its size: there is no "
                 f"other plan, or its price {side.price[0]:g} is below the multiplier of the exact limit"
             )
-    return found
+    return exceeded

@@ -21,7 +21,7 @@ from ..filtering.manifold import Manifold, StatePart
 from ..filtering.transition import runge_kutta
 from ..linear.state_space import settled_covariance
 from ..results.refusal import ArgumentError
-from .options import Horizon, Measurement
+from .options import ControlHorizon, Measurement
 from .stage import HorizonStage, LimitedRow
 from .stage_qp import StageQP
 from .statement import Statement
@@ -98,8 +98,8 @@ class Discretised(Portable):
     """
 
     def __init__(
-        self, s: Statement, horizon: Horizon, measured: Mapping[str, Measurement], disturbance: Mapping[str, float],
-        prices: Mapping[str, Any], price: tuple[float, float],
+        self, s: Statement, horizon: ControlHorizon, measured: Mapping[str, Measurement],
+        disturbance: Mapping[str, float], prices: Mapping[str, Any], price: tuple[float, float],
     ) -> None:  # fmt: skip
         self.statement, self.horizon = s, horizon
         n, m = s.x.numel(), s.v.numel()
@@ -301,15 +301,15 @@ def _limits(
     entries: _Entries, s: Statement, rows: Any, z: Any, at: Any, chosen: Any, prices: Mapping[str, Any],
     price: tuple[float, float],
 ) -> list[LimitedRow]:  # fmt: skip
-    found = []
+    limits = []
     for k in chosen:
         r = s.rows[k]
         value = entries.affine(rows[k] / r.size, z, at)
         low, high = (b / r.size if np.isfinite(b) else None for b in (r.low, r.high))
         own = prices.get(r.name, prices.get(r.name.split("[")[0]))
         given = tuple(float(x) for x in own) if own is not None else (price if r.soft else None)
-        found.append(LimitedRow(value, low, high, given))
-    return found
+        limits.append(LimitedRow(value, low, high, given))
+    return limits
 
 
 def _standstill(s: Statement) -> Standstill:
@@ -321,11 +321,11 @@ def _standstill(s: Statement) -> Standstill:
     options = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.tol": 1e-12}
     solver = ca.nlpsol("standstill", "ipopt", nlp, options)
     guess = np.concatenate([s.start, np.zeros(s.w.numel())])
-    found = np.asarray(solver(x0=guess, p=s.targets, lbg=0, ubg=0)["x"].full())[:, 0]
+    rest = np.asarray(solver(x0=guess, p=s.targets, lbg=0, ubg=0)["x"].full())[:, 0]
     J, G = ca.jacobian(r, z), ca.jacobian(s.rates, z)
     parts = [J, G, ca.jacobian(r, s.p), ca.jacobian(s.rates, s.p), s.rates, s.forces]
     J, G, J_p, G_p, rates, forces = (
-        np.asarray(ca.DM(v).full()) for v in ca.Function("f", [z, s.p], parts)(found, s.targets)
+        np.asarray(ca.DM(v).full()) for v in ca.Function("f", [z, s.p], parts)(rest, s.targets)
     )
     if not np.abs(rates).max(initial=0.0) <= STANDSTILL:
         raise ArgumentError(
@@ -333,6 +333,6 @@ def _standstill(s: Statement) -> Standstill:
         )
     kkt = np.block([[J.T @ J, G.T], [G, np.zeros((n, n))]])
     change = -np.linalg.lstsq(kkt, np.vstack([J.T @ J_p, G_p]), rcond=None)[0][: z.numel()]
-    by_z = np.asarray(ca.DM(ca.Function("f", [z], [ca.jacobian(s.forces, z)])(found)).full())
+    by_z = np.asarray(ca.DM(ca.Function("f", [z], [ca.jacobian(s.forces, z)])(rest)).full())
     hold = SX(forces) + (ca.mtimes(SX(by_z @ change), s.p - SX(s.targets)) if s.p.numel() else 0)
-    return Standstill(found[:n], found[n:], change[:n], change[n:], hold)
+    return Standstill(rest[:n], rest[n:], change[:n], change[n:], hold)

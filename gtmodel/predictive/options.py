@@ -12,14 +12,14 @@ FOREVER = 1e300  # a jump that is never exceeded
 
 
 @dataclass(frozen=True)
-class Horizon(Options):
+class ControlHorizon(Options):
     """Stages of a predictive controller, its period, and the bounds of its work.
 
     A stage may be longer than the period: in each cycle the last plan is moved on by one period.
 
-    >>> gt.predictive.Horizon(period=0.004, stages=40, length=0.01).delay
+    >>> gt.predictive.ControlHorizon(period=0.004, stages=40, length=0.01).delay
     0
-    >>> gt.predictive.Horizon(period=0.02, stages=40, length=0.01)
+    >>> gt.predictive.ControlHorizon(period=0.02, stages=40, length=0.01)
     Traceback (most recent call last):
     gtmodel.results.refusal.ArgumentError: length: expected at least the period of 0.02 s; found 0.01
     """

@@ -33,7 +33,7 @@ SX = ca.SX
 
 
 @dataclass(frozen=True)
-class Signal:
+class NamedVariable:
     """A variable of the model, with its scalar entries side by side."""
 
     name: str
@@ -77,11 +77,11 @@ class Statement(Portable):
     rows: list[LimitedQuantity]
     force_low: np.ndarray
     force_high: np.ndarray
-    states: list[Signal]
-    inputs: list[Signal]
-    references: list[Signal]
-    sensors: list[Signal]
-    shown: list[Signal]
+    states: list[NamedVariable]
+    inputs: list[NamedVariable]
+    references: list[NamedVariable]
+    sensors: list[NamedVariable]
+    shown: list[NamedVariable]
     targets: np.ndarray
     start: np.ndarray
 
@@ -128,9 +128,9 @@ class Reader:
             raise ArgumentError("expected at least one name with a tolerance, or an Optimization", "tolerances")
         self.tunable = self._tunable()
 
-    def _signals(self, names: Any, argument: str) -> list[Signal]:
+    def _signals(self, names: Any, argument: str) -> list[NamedVariable]:
         """Variables by name, whose entries the plan must then compute."""
-        found = []
+        entries = []
         for name in names:
             try:
                 _, indices, order = self.flat.lookup(name)
@@ -142,8 +142,8 @@ class Reader:
             unit = self.flat.variables[indices[0]].unit or "?"
             if order:
                 unit = "?" if unit == "?" or "/" in unit else f"{unit}/s{order if order > 1 else ''}"
-            found.append(Signal(name, len(indices), unit))
-        return found
+            entries.append(NamedVariable(name, len(indices), unit))
+        return entries
 
     def _tunable(self) -> list[str]:
         """Parameters of an Optimization that are references."""
@@ -269,7 +269,7 @@ class _Assembly:
             for (name, _, a, b, size), e in zip(rows, commanded, strict=True)
         ]
         measured = ca.vertcat(SX(0, 1), *self.moved([e for s in reader.sensors for e in at[s.name]], False))
-        states = [Signal(declared_name(flat, problem.base.alias, p)[0], 1, "?") for p in problem.state_pairs]
+        states = [NamedVariable(declared_name(flat, problem.base.alias, p)[0], 1, "?") for p in problem.state_pairs]
         if ca.depends_on(measured, self.w):
             raise ArgumentError("expected variables that the inputs do not change at once", "measured")
         return Statement(
@@ -284,26 +284,26 @@ class _Assembly:
             sensors=reader.sensors, shown=reader.shown, targets=targets, start=start,
         )  # fmt: skip
 
-    def _inputs(self) -> list[Signal]:
+    def _inputs(self) -> list[NamedVariable]:
         """Inputs of the model as declared, vectors in one piece."""
-        flat, found = self.problem.flat, list[Signal]()
+        flat, entries = self.problem.flat, list[NamedVariable]()
         for name, (_, indices) in flat.groups.items():
             if indices and indices[0] in self.problem.control_indices:
-                found.append(Signal(name, len(indices), flat.variables[indices[0]].unit or "?"))
-        return found
+                entries.append(NamedVariable(name, len(indices), flat.variables[indices[0]].unit or "?"))
+        return entries
 
-    def _of_parameters(self) -> list[Signal]:
-        reader, found = self.reader, list[Signal]()
+    def _of_parameters(self) -> list[NamedVariable]:
+        reader, entries = self.reader, list[NamedVariable]()
         for name in reader.wishes.references:
             size = sum(1 for t in reader.tunable if t == name or t.startswith(f"{name}["))
-            found.append(Signal(name, size, "?"))
-        return found
+            entries.append(NamedVariable(name, size, "?"))
+        return entries
 
     def _of_tolerances(self, at: Mapping[str, list[Any]], hold: Any) -> tuple[Any, ...]:
         """References, their targets, and residuals (value - reference) / tolerance."""
         reader = self.reader
         wishes, flat = reader.wishes, self.problem.flat
-        references, symbols, targets, residuals = list[Signal](), list[Any](), list[float](), list[Any]()
+        references, symbols, targets, residuals = list[NamedVariable](), list[Any](), list[float](), list[Any]()
         for name in wishes.references:
             if name not in wishes.tolerances:
                 raise ArgumentError(f"'{name}' has no tolerance; give it one", "references")
@@ -369,7 +369,7 @@ def squares(cost: Any, flat: FlatModel) -> list[Any]:
     >>> squares(4 * x[0]**2 + (x[1] - 1)**2 / 9, None)
     [SX((2*x_0)), SX((0.333333*(x_1-1)))]
     """
-    found: list[Any] = []
+    entries: list[Any] = []
 
     def add(e: Any, factor: float) -> None:
         if e.is_constant():
@@ -381,7 +381,7 @@ def squares(cost: Any, flat: FlatModel) -> list[Any]:
         elif op == ca.OP_TWICE:
             add(e.dep(0), 2 * factor)
         elif op == ca.OP_SQ and factor >= 0:
-            found.append(math.sqrt(factor) * e.dep(0))
+            entries.append(math.sqrt(factor) * e.dep(0))
         elif op == ca.OP_MUL and any(e.dep(k).is_constant() for k in (0, 1)):
             k = 0 if e.dep(0).is_constant() else 1
             add(e.dep(1 - k), factor * float(e.dep(k)))
@@ -394,4 +394,4 @@ def squares(cost: Any, flat: FlatModel) -> list[Any]:
             )
 
     add(SX(cost), 1.0)
-    return found
+    return entries

@@ -13,7 +13,7 @@ import scipy
 import gtmodel as gt
 from gtmodel import Status, cgen, der
 from gtmodel.linear.state_space import held
-from gtmodel.predictive import Controller, Horizon, Measurement, controller
+from gtmodel.predictive import ControlHorizon, Controller, Measurement, controller
 from gtmodel.results import ArgumentError
 
 PLAN = 1e-6  # of inputs, relative to 1 + their size: converge() stops at changes of 1e-7
@@ -64,30 +64,30 @@ class CartPole(gt.Model):
         yield self.length * a == self.g * gt.sin(self.angle) + der(self.x, 2) * gt.cos(self.angle)
 
 
-def cart(horizon: Horizon | None = None, **changes: Any) -> Controller:
+def cart(horizon: ControlHorizon | None = None, **changes: Any) -> Controller:
     options: dict[str, Any] = {
         "tolerances": {"x": 0.05, "v": 1.0, "force": 4.0}, "targets": {"x": 0.0, "v": 0.0}, "references": ["x"],
         "limits": {"v": (-1.0, 1.0)},
     }  # fmt: skip
-    return controller(Cart(), horizon or Horizon(period=0.05, stages=12), **options | changes)
+    return controller(Cart(), horizon or ControlHorizon(period=0.05, stages=12), **options | changes)
 
 
 def observed(**changes: Any) -> Controller:
-    horizon = Horizon(period=0.05, stages=10, length=0.08, delay=2, patience=3)
+    horizon = ControlHorizon(period=0.05, stages=10, length=0.08, delay=2, patience=3)
     return cart(horizon, measured={"x": Measurement(1e-4, jump=0.2)}, disturbance={"force": 1.0}, **changes)
 
 
 def swing_up() -> Controller:
     tolerances = {"x": 0.3, "angle": 0.3, "der(x)": 2.0, "der(angle)": 4.0, "force": 10.0}
     return controller(
-        CartPole(), Horizon(period=0.02, stages=60, length=0.03), tolerances=tolerances,
+        CartPole(), ControlHorizon(period=0.02, stages=60, length=0.03), tolerances=tolerances,
         targets={"x": 0.0, "angle": 0.0}, limits={"x": (-1.0, 1.0)},
     )  # fmt: skip
 
 
 def set_point() -> Controller:
     return controller(
-        gt.robots.gantry_tau("l1_tape"), Horizon(period=0.004, stages=40, length=0.01),
+        gt.robots.gantry_tau("l1_tape"), ControlHorizon(period=0.004, stages=40, length=0.01),
         tolerances={"T": 1e-2, "der(T)": 0.5, "der(T,2)": 20.0}, targets={"T": [0.9, -0.9, 0.45]}, references=["T"],
         limits={"tau": (-700.0, 700.0), "der(q)": (-1.5, 1.5)},
     )  # fmt: skip
@@ -140,7 +140,7 @@ def by_ipopt(law: Controller, x0: np.ndarray) -> tuple[float, np.ndarray]:
 @pytest.mark.parametrize(
     ("made", "x0"),
     [
-        (lambda: controller(VanDerPol(), Horizon(period=0.1, stages=60)), [0.0, 1.0]),
+        (lambda: controller(VanDerPol(), ControlHorizon(period=0.1, stages=60)), [0.0, 1.0]),
         (swing_up, [0.0, 0.0, np.pi, 0.0]),
         pytest.param(set_point, [0.5, 0.0, -0.9, 0.0, 0.2, 0.0], marks=pytest.mark.proof),
     ],
@@ -156,7 +156,7 @@ def test_the_converged_plan_is_the_optimum_of_ipopt(made: Any, x0: list[float]) 
 
 
 def test_without_limits_the_first_input_is_that_of_the_linear_quadratic_regulator() -> None:
-    law = cart(Horizon(period=0.05, stages=20, causality="explicit", tolerance=1e-12), limits={})
+    law = cart(ControlHorizon(period=0.05, stages=20, causality="explicit", tolerance=1e-12), limits={})
     A, B = held(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [0.5]]), 0.05)
     Q, R = np.diag([1 / 0.05**2, 1.0]), np.array([[1 / 4.0**2]])
     P = scipy.linalg.solve_discrete_are(A, B, Q, R)
@@ -168,7 +168,7 @@ def test_without_limits_the_first_input_is_that_of_the_linear_quadratic_regulato
 
 def test_both_causalities_of_a_cart_give_the_same_force() -> None:
     forces = [
-        cart(Horizon(period=0.05, stages=20, causality=c)).begin().step({"x": 0.3, "v": 0.1}).values["force"][0]
+        cart(ControlHorizon(period=0.05, stages=20, causality=c)).begin().step({"x": 0.3, "v": 0.1}).values["force"][0]
         for c in ("explicit", "inverse")
     ]
     assert forces[0] == pytest.approx(forces[1], abs=1e-4)  # a force held, and an acceleration held, of one mass
@@ -230,7 +230,7 @@ def test_without_a_solution_the_plan_moves_on_and_then_ends_in_a_status() -> Non
 
 
 def test_a_previewed_step_of_the_reference_is_answered_before_it_comes() -> None:
-    law = cart(Horizon(period=0.05, stages=20, preview=True))
+    law = cart(ControlHorizon(period=0.05, stages=20, preview=True))
     goal = np.where(np.arange(21) >= 10, 0.5, 0.0)
     force = law.begin().step({"x": 0.0, "v": 0.0}, {"x": goal}).values["force"][0]
     assert force > 0.01
@@ -258,7 +258,7 @@ def test_a_limit_that_is_a_reference_may_drop() -> None:
         def constraints(self) -> Any:
             yield gt.between(-self.limit, self.u, self.limit)
 
-    run = controller(Weak(), Horizon(period=0.05, stages=20), references=["limit"]).begin()
+    run = controller(Weak(), ControlHorizon(period=0.05, stages=20), references=["limit"]).begin()
     inputs = [run.step({"x": 1.0}, {"limit": limit}).values["u"][0] for limit in (2.0, 1.0)]
     assert inputs == pytest.approx([-2.0, -1.0], abs=1e-4)
 
@@ -274,7 +274,7 @@ def test_the_controller_as_a_sampled_block_round_a_plant() -> None:
 def test_the_l1_with_another_payload_reaches_its_goal_behind_two_cycles() -> None:
     robot, goal = gt.robots.gantry_tau("l1_tape"), [0.5, -0.9, 0.3]
     law = controller(
-        robot, Horizon(period=0.004, stages=40, length=0.01, delay=2),
+        robot, ControlHorizon(period=0.004, stages=40, length=0.01, delay=2),
         tolerances={"T": 1e-3, "der(T)": 0.5, "der(T,2)": 20.0}, targets={"T": goal}, references=["T"],
         limits={"tau": (-700.0, 700.0), "der(q)": (-1.5, 1.5)}, measured={"q": Measurement(1e-5, jump=0.02)},
         disturbance={"tau": 100.0},
@@ -300,7 +300,7 @@ def test_c_equals_python_bit_for_bit(real: str, points: int, tmp_path: Path) -> 
 
 @pytest.mark.proof
 def test_c_of_the_l1_and_of_a_preview_equals_python(tmp_path: Path) -> None:
-    laws = {"l1": set_point(), "preview": cart(Horizon(period=0.05, stages=6, preview=True))}
+    laws = {"l1": set_point(), "preview": cart(ControlHorizon(period=0.05, stages=6, preview=True))}
     cgen.generate(laws, tmp_path / "c", name="mpc")
     report = cgen.check(tmp_path / "c", laws, points=200)
     assert report.message.startswith("the C code equals Python bit for bit"), report.message
@@ -309,7 +309,7 @@ def test_c_of_the_l1_and_of_a_preview_equals_python(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("argument", "wrong"),
     [
-        ("length", lambda: Horizon(period=0.05, stages=20, length=0.01)),
+        ("length", lambda: ControlHorizon(period=0.05, stages=20, length=0.01)),
         ("tolerances", lambda: cart(tolerances={})),
         ("tolerances", lambda: cart(tolerances={"y": 1.0})),
         ("tolerances.x", lambda: cart(tolerances={"x": 0.0})),
@@ -352,4 +352,4 @@ def test_what_is_no_controller_is_refused_with_its_line() -> None:
 
     for model, words in ((Fast(), "sum of squares"), (Ends(), "one instant"), (Late(), "time")):
         with pytest.raises(gt.ModelError, match=words):
-            controller(model, Horizon(period=0.1, stages=5))
+            controller(model, ControlHorizon(period=0.1, stages=5))

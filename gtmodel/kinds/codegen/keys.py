@@ -10,10 +10,12 @@ from typing import Any, Literal
 
 from pydantic import Field, PositiveFloat
 
+from gtmodel import predictive
 from gtmodel.cgen import Verification
 from gtmodel.fmu.plant_unit import PlantUnit
+from gtmodel.lang import Model
 from gtmodel.loop.lead_through.options import Guiding
-from gtmodel.predictive.options import Horizon, Measurement
+from gtmodel.predictive.options import ControlHorizon, Measurement
 from gtmodel.problem_files.base import Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.keys import Free, RobotProblem
@@ -215,7 +217,7 @@ class PlantUnitSection(Made):
         return {"file": os.path.relpath(context.file(self.file, "plant.file", what="unit"), out)} if self.file else {}
 
 
-@made_from(Horizon)
+@made_from(ControlHorizon)
 class PredictiveSection(Made):
     """A step function: predictive control of the model, an optimum over a horizon solved again in every cycle."""
 
@@ -241,6 +243,18 @@ class PredictiveSection(Made):
     )
     outputs: list[str] = Field(default=[], description="further outputs, at the end of a period")
     prefer: list[str] = Field(default=[], description="names to keep as states")
+
+    def made(self, model: Model, context: Context, key: str) -> predictive.Controller:
+        """Return the controller of the model. Raises ArgumentError and ModelError."""
+        with naming("measured."):
+            measured = {name: m.options() for name, m in self.measured.items()}
+        names = ("tolerances", "targets", "references", "limits", "prices", "disturbance", "outputs", "prefer")
+        given = {name: getattr(self, name) for name in names}
+        return predictive.controller(model, self.options(), measured=measured, **given)
+
+    def key_of(self, argument: str) -> str:
+        """Return the key of an argument."""
+        return {"period": "period_s", "length": "length_s"}.get(argument, argument)
 
 
 class Schema(RobotProblem):

@@ -12,7 +12,6 @@ from gtmodel.filtering import ControllerFilter, InitialState, ProcessModel, Sens
 from gtmodel.fmu import FmuStudy
 from gtmodel.fmu.unit_study import study as unit_study
 from gtmodel.lang import Model, ModelError
-from gtmodel.predictive import Controller, controller
 from gtmodel.problem_files.base import Call, Context, InputError
 from gtmodel.problem_files.noted import doubts, refuse_distrusted
 from gtmodel.results import ArgumentError
@@ -96,8 +95,7 @@ def explain(problem: Schema, context: Context) -> str:
 
 
 def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction | StepFunction]:
-    """Return functions and filters by name; after a stop request, those finished so far. Raises InputError for a
-    duplicate name and for a wrong causality."""
+    """Return all functions by name; after a stop request, those finished so far. Raises InputError."""
     if not (problem.functions or problem.filters or problem.predictive):
         raise InputError("there is nothing to generate; give [[functions]], [[filters]] or [[predictive]]", "functions")
     model = problem.model(context)
@@ -112,38 +110,27 @@ def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction 
             functions[f.name] = compile_causal(model, f.known, f.targets, f.prefer, f.branches, f.name)
         except ModelError as error:
             raise InputError(f"{error} (function '{f.name}')", f"functions[{n}]") from error
-    for n, section in enumerate(problem.filters):
+    steps = [(f"filters[{n}]", s, _filter) for n, s in enumerate(problem.filters)]
+    steps += [(f"predictive[{n}]", s, PredictiveSection.made) for n, s in enumerate(problem.predictive)]
+    for n, (key, section, made) in enumerate(steps):
         if section.name in functions:
-            raise InputError(f"'{section.name}' names two functions", f"filters[{n}].name")
+            raise InputError(f"'{section.name}' names two functions", f"{key}.name")
         if context.interrupted():
             break
-        context.progress(f"deriving {section.name}", n / len(problem.filters))
+        context.progress(f"deriving {section.name}", n / len(steps))
         try:
-            functions[section.name] = _filter(from_result(section, context, f"filters[{n}]"), model)
+            functions[section.name] = made(section, model, context, key)
         except ArgumentError as error:
-            key = section.key_of(error.argument)
-            raise InputError(error.message, f"filters[{n}].{key}" if key else f"filters[{n}]") from error
+            place = section.key_of(error.argument)
+            raise InputError(error.message, f"{key}.{place}" if place else key) from error
         except ModelError as error:
-            raise InputError(str(error), f"filters[{n}]") from error
-    for n, section in enumerate(problem.predictive):
-        if section.name in functions:
-            raise InputError(f"'{section.name}' names two functions", f"predictive[{n}].name")
-        if context.interrupted():
-            break
-        context.progress(f"deriving {section.name}", n / len(problem.predictive))
-        try:
-            functions[section.name] = _predictive(section, model)
-        except ArgumentError as error:
-            units = {"period": "period_s", "length": "length_s"}
-            key = units.get(error.argument, error.argument)
-            raise InputError(error.message, f"predictive[{n}].{key}" if key else f"predictive[{n}]") from error
-        except ModelError as error:
-            raise InputError(str(error), f"predictive[{n}]") from error
+            raise InputError(str(error), key) from error
     return functions
 
 
-def _filter(section: FilterSection, model: Model) -> ControllerFilter:
+def _filter(section: FilterSection, model: Model, context: Context, key: str) -> ControllerFilter:
     """The filter of one table."""
+    section = from_result(section, context, key)
     process = ProcessModel(
         model, dict(section.noise), inputs=section.inputs, states=section.states, quaternions=section.quaternions
     )
@@ -160,14 +147,3 @@ def _filter(section: FilterSection, model: Model) -> ControllerFilter:
     closed = {s.name: s.closed_cycles for s in section.sensors if s.closed_cycles is not None}
     start = InitialState(section.start.mean, section.start.deviation) if section.start else InitialState({}, {})
     return ControllerFilter(System(process, sensors), section.period_s, start, stale=stale, closed=closed)
-
-
-def _predictive(section: PredictiveSection, model: Model) -> Controller:
-    """The controller of one table."""
-    with naming("measured."):
-        measured = {name: m.options() for name, m in section.measured.items()}
-    return controller(
-        model, section.options(), tolerances=section.tolerances, targets=section.targets,
-        references=section.references, limits=section.limits, prices=section.prices, measured=measured,
-        disturbance=section.disturbance, outputs=section.outputs, prefer=section.prefer,
-    )  # fmt: skip
