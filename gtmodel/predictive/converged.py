@@ -34,9 +34,18 @@ class ConvergedPlan:
     v: inputs of the stages; inputs: those of the model, (stages, m). cost: with prices. iterations: programs solved.
     step: largest last change of an input, relative to 1. notes: soft limits whose price is below their multiplier.
 
-    >>> import dataclasses
-    >>> [f.name for f in dataclasses.fields(gt.predictive.ConvergedPlan)][:4]
-    ['status', 'time', 'x', 'v']
+    >>> class Tank(gt.Model):
+    ...     level = gt.variable()
+    ...     flow = gt.input(max=0.1)
+    ...     def equations(self):
+    ...         yield gt.der(self.level) == self.flow
+    >>> horizon = gt.predictive.ControlHorizon(period=0.1, stages=10)
+    >>> law = gt.predictive.controller(
+    ...     Tank(), horizon, tolerances={"level": 0.01, "flow": 1.0}, targets={"level": 0.5}
+    ... )
+    >>> plan = law.converge({"level": 0.0})
+    >>> plan.status.name, plan.x[-1].round(3), float(plan.time[-1])
+    ('OK', array([0.1]), 1.0)
     """
 
     status: Status

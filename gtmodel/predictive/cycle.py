@@ -100,6 +100,7 @@ class CycleTwin(StepTwin):
         else:
             plan_x = np.repeat(x[:, None], count + 1, axis=1)
             plan_v, start = np.repeat(real.array(c.first)[:, None], count, axis=1), None
+            sides, end = np.zeros((0, count)), np.zeros((0, 1))
         data = self._prepared(plan_x, plan_v, d_hat, p[:, :-1])
         (last,) = self._call("finish", plan_x[:, -1], d_hat, p[:, -1])
         # 4

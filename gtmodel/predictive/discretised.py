@@ -307,7 +307,9 @@ def _limits(
         value = entries.affine(rows[k] / r.size, z, at)
         low, high = (b / r.size if np.isfinite(b) else None for b in (r.low, r.high))
         own = prices.get(r.name, prices.get(r.name.split("[")[0]))
-        given = tuple(float(x) for x in own) if own is not None else (price if r.soft else None)
+        if own is not None and np.shape(own) != (2,):
+            raise ArgumentError(f"expected a linear and a quadratic price; found {own!r}", f"prices.{r.name}")
+        given = (float(own[0]), float(own[1])) if own is not None else (price if r.soft else None)
         limits.append(LimitedRow(value, low, high, given))
     return limits
 

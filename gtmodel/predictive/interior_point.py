@@ -28,18 +28,19 @@ class _Called:
     """A function on arrays of fixed sizes, without copies by CasADi: a tenth of the time of a call."""
 
     def __init__(self, f: ca.Function) -> None:
-        self._buffer, self._run = f.buffer()
-        self._flat = [[np.zeros(max(1, f.numel_in(k))) for k in range(f.n_in())],
-                      [np.zeros(max(1, f.numel_out(k))) for k in range(f.n_out())]]  # fmt: skip
-        shapes = [f.size_in(k) for k in range(f.n_in())], [f.size_out(k) for k in range(f.n_out())]
+        buffer: Any
+        buffer, self._run = f.buffer()
+        inputs, outputs = range(f.n_in()), range(f.n_out())
+        numbers = [f.numel_in(k) for k in inputs], [f.numel_out(k) for k in outputs]
+        self._flat, self._buffer = [[np.zeros(max(1, n)) for n in side] for side in numbers], buffer  # both stay alive
+        shapes = [f.size_in(k) for k in inputs], [f.size_out(k) for k in outputs]
         self.arguments, self.results = (
             [a[: s[0] * s[1]].reshape(s, order="F") for a, s in zip(flat, sizes, strict=True)]
             for flat, sizes in zip(self._flat, shapes, strict=True)
         )
-        for k, a in enumerate(self._flat[0]):
-            self._buffer.set_arg(k, memoryview(a))
-        for k, a in enumerate(self._flat[1]):
-            self._buffer.set_res(k, memoryview(a))
+        for flat, use in zip(self._flat, (buffer.set_arg, buffer.set_res), strict=True):
+            for k, a in enumerate(flat):
+                use(k, a.data)
 
     def __call__(self, *arguments: Any) -> Columns:
         for own, given in zip(self.arguments, arguments, strict=True):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 from gtmodel.cgen import CodeStudy, StepFunction, study
 from gtmodel.cgen.folder import held
@@ -110,7 +111,7 @@ def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction 
             functions[f.name] = compile_causal(model, f.known, f.targets, f.prefer, f.branches, f.name)
         except ModelError as error:
             raise InputError(f"{error} (function '{f.name}')", f"functions[{n}]") from error
-    steps = [(f"filters[{n}]", s, _filter) for n, s in enumerate(problem.filters)]
+    steps: list[tuple[str, Any, Any]] = [(f"filters[{n}]", s, _filter) for n, s in enumerate(problem.filters)]
     steps += [(f"predictive[{n}]", s, PredictiveSection.made) for n, s in enumerate(problem.predictive)]
     for n, (key, section, made) in enumerate(steps):
         if section.name in functions:
@@ -121,8 +122,7 @@ def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction 
         try:
             functions[section.name] = made(section, model, context, key)
         except ArgumentError as error:
-            place = section.key_of(error.argument)
-            raise InputError(error.message, f"{key}.{place}" if place else key) from error
+            raise InputError(error.message, f"{key}.{section.key_of(error.argument)}".rstrip(".")) from error
         except ModelError as error:
             raise InputError(str(error), key) from error
     return functions
