@@ -42,7 +42,7 @@ def block_of(law: Controller) -> type[SampledBlock]:
     members = [StepMember(k.name) for k in states] or law.readings
     declared: dict[str, Any] = {_plain(k.name): input(k.size, unit=_unit(k.unit)) for k in (*members, *law.goals)}
     for k in shown:
-        declared[_plain(k.name)] = output(0.0 if k.size is None else np.zeros(k.size), unit=_unit(k.unit))
+        declared[_output(law, k)] = output(0.0 if k.size is None else np.zeros(k.size), unit=_unit(k.unit))
     declared["memory"] = discrete(memory)
 
     def step(self: Any, inputs: Any, state: Any) -> dict[str, Any]:
@@ -54,7 +54,7 @@ def block_of(law: Controller) -> type[SampledBlock]:
         )
         if result.status != Status.OK:
             return {"failed": -1.0}
-        values = {_plain(k.name): result.values[k.name] if k.size else float(result.values[k.name][0]) for k in shown}
+        values = {_output(law, k): result.values[k.name] if k.size else float(result.values[k.name][0]) for k in shown}
         return values | {"memory": _flat(law, run.state)}
 
     return type("PredictiveLaw", (SampledBlock,), declared | {"step": step})
@@ -62,6 +62,11 @@ def block_of(law: Controller) -> type[SampledBlock]:
 
 def _unit(text: str) -> str | None:
     return None if text == "?" else text
+
+
+def _output(law: Controller, k: StepMember) -> str:
+    """Name of an output; a further one may be measured too."""
+    return _plain(f"next_{k.name}" if k in law.shown else k.name)
 
 
 def _flat(law: Controller, state: np.ndarray) -> np.ndarray:

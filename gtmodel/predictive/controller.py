@@ -171,7 +171,7 @@ class Controller(StepFunction, Portable):
             self.readings = [StepMember("x", n, "?", f"state: {names}")]
         self.goals = [StepMember(f"{k.name}.goal", size(k.size, rows), k.unit, where) for k in s.references]
         self.commands = [StepMember(k.name, size(k.size), k.unit, "input of the plant") for k in s.inputs]
-        self.shown = [StepMember(f"{k.name}.next", size(k.size), k.unit, "after this period") for k in s.shown]
+        self.shown = [StepMember(k.name, size(k.size), k.unit, "after this period") for k in s.shown]
         self.inputs = [*self.readings, *self.goals]
         self.outputs = [
             *self.commands, *self.shown,
@@ -337,7 +337,7 @@ class Controller(StepFunction, Portable):
         """Return the controller as a sampled block: a class for `gt.part` of a model that `gt.simulate` runs.
 
         Its inputs are the measured variables, or the states, with "_" for other signs, and NAME_goal for references;
-        its outputs the inputs of the plant, the further outputs, and failed, lost, iterations and clipped. The delay of
+        its outputs the inputs of the plant, the further outputs as next_NAME, and failed, lost, iterations and clipped. The delay of
         the horizon is that of the block.
         """
         return block_of(self)
