@@ -337,8 +337,8 @@ class Controller(StepFunction, Portable):
         """Return the controller as a sampled block: a class for `gt.part` of a model that `gt.simulate` runs.
 
         Its inputs are the measured variables, or the states, with "_" for other signs, and NAME_goal for references;
-        its outputs the inputs of the plant, the further outputs as next_NAME, and failed, lost, iterations and clipped. The delay of
-        the horizon is that of the block.
+        its outputs the inputs of the plant, the further outputs as next_NAME, and failed, lost, iterations and
+        clipped. The delay of the horizon is that of the block.
         """
         return block_of(self)
 

@@ -12,6 +12,7 @@ import scipy
 
 import gtmodel as gt
 from gtmodel import Status, cgen, der
+from gtmodel.lang.model import dependent
 from gtmodel.linear.state_space import held
 from gtmodel.predictive import ControlHorizon, Controller, Measurement, controller
 from gtmodel.results import ArgumentError
@@ -93,6 +94,39 @@ def set_point() -> Controller:
     )  # fmt: skip
 
 
+class OnLine(gt.Model):
+    """The L1 on a line, with free speed along it."""
+
+    robot = gt.part(dependent(gt.robots.gantry_tau("l1_tape"), "tau"))
+    begin = gt.parameter([0.2, -0.9, 0.2], unit="m")
+    way = gt.parameter([0.3, 0.05, 0.1], unit="m")
+    s = gt.variable(prefer=2)
+    drive = gt.input(unit="1/s2")
+
+    def equations(self) -> Any:
+        yield self.robot.T == self.begin + self.s * self.way
+        yield self.drive == der(self.s, 2)
+
+
+def on_a_line() -> Controller:
+    """One input for three forces: their limits are soft, since no plan need keep them."""
+    return controller(
+        OnLine(), ControlHorizon(period=0.004, stages=40, length=0.01),
+        tolerances={"s": 0.02, "der(s)": 2.0, "drive": 100.0}, targets={"s": 1.0},
+        limits={"robot.tau": (-700.0, 700.0)}, prices={"robot.tau": (1e4, 1e4)},
+    )  # fmt: skip
+
+
+def arm() -> Controller:
+    torque = np.array([150.0, 150.0, 150.0, 28.0, 28.0, 28.0])
+    return controller(
+        gt.load_robot(gt.shipped("models/ur_like.urdf")),
+        ControlHorizon(period=0.004, stages=20, length=0.02, causality="inverse"),
+        tolerances={"q": 0.01, "der(q)": 1.0, "der(q,2)": 20.0}, targets={"q": [0.1, -1.2, 1.3, -0.5, 0.4, 0.2]},
+        limits={"tau": np.column_stack([-torque, torque])},
+    )  # fmt: skip
+
+
 def by_ipopt(law: Controller, x0: np.ndarray) -> tuple[float, np.ndarray]:
     """Least cost and inputs of the same stages, from the same start; excesses of soft limits are unknowns."""
     program, s = law.program, law.program.statement
@@ -142,9 +176,15 @@ def by_ipopt(law: Controller, x0: np.ndarray) -> tuple[float, np.ndarray]:
     [
         (lambda: controller(VanDerPol(), ControlHorizon(period=0.1, stages=60)), [0.0, 1.0]),
         (swing_up, [0.0, 0.0, np.pi, 0.0]),
+        (on_a_line, [0.0, 0.0]),
+        pytest.param(
+            arm,
+            np.ravel(np.column_stack([[0.4, -1.0, 1.0, -0.3, 0.2, 0.0], np.zeros(6)])).tolist(),
+            marks=pytest.mark.proof,
+        ),
         pytest.param(set_point, [0.5, 0.0, -0.9, 0.0, 0.2, 0.0], marks=pytest.mark.proof),
     ],
-    ids=["van der Pol", "cart-pendulum", "L1"],
+    ids=["van der Pol", "cart-pendulum", "L1 on a line", "arm from URDF", "L1"],
 )
 def test_the_converged_plan_is_the_optimum_of_ipopt(made: Any, x0: list[float]) -> None:
     law = made()
