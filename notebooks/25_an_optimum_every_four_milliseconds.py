@@ -100,6 +100,8 @@ print(study.message)
 assert study.status.ok
 
 # %% [markdown]
-# **Answer**: the goal is reached without offset although the payload is wrong and the goal moved, and no force above
-# the limit was ever asked for. `gtmodel codegen problems/l1_predictive.toml -o build/l1 --check` writes the same
-# controller from a file.
+# ## Answer
+#
+# The goal is reached without offset although the payload is wrong and the goal moved, and no force above the limit
+# was ever asked for. `gtmodel codegen problems/l1_predictive.toml -o build/l1 --check` writes the same controller from
+# a file.

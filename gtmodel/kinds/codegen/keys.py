@@ -13,7 +13,6 @@ from pydantic import Field, PositiveFloat
 from gtmodel import predictive
 from gtmodel.cgen import Verification
 from gtmodel.fmu.plant_unit import PlantUnit
-from gtmodel.lang import Model
 from gtmodel.loop.lead_through.options import Guiding
 from gtmodel.predictive.options import ControlHorizon, Measurement
 from gtmodel.problem_files.base import Context, FileSection, InputError
@@ -244,7 +243,7 @@ class PredictiveSection(Made):
     outputs: list[str] = Field(default=[], description="further outputs, at the end of a period")
     prefer: list[str] = Field(default=[], description="names to keep as states")
 
-    def made(self, model: Model, context: Context, key: str) -> predictive.Controller:
+    def made(self, model: Any, context: Context, key: str) -> predictive.Controller:
         """Return the controller of the model. Raises ArgumentError and ModelError."""
         with naming("measured."):
             measured = {name: m.options() for name, m in self.measured.items()}
