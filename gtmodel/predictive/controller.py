@@ -52,7 +52,7 @@ def controller(
 
     Args:
         model: with its inputs declared by gt.input; these are decided. An Optimization states its own cost, a sum of
-            squares, and its limits, but no instants and no free constants; its start value is the typical state.
+            squares, and its limits, but no instants and no free constants. The horizon is that of the second argument.
         horizon: stages, period, delay.
         tolerances: variable -> deviation that counts 1, in its SI unit, one number or one for each entry (Bryson); of
             inputs too, whose reference is the value that holds the targets.
@@ -89,6 +89,9 @@ def controller(
     """
     if not isinstance(model, Model):
         raise ArgumentError(f"expected a configured model; found {type(model).__name__}", "model")
+    for name, value in (measured or {}).items():
+        if not isinstance(value, Measurement):
+            raise ArgumentError(f"expected gt.predictive.Measurement(...); found {value!r}", f"measured.{name}")
     wishes = Wishes(
         dict(tolerances or {}), dict(targets or {}), list(references), dict(measured or {}), dict(limits or {}),
         list(outputs), list(prefer), dict(branches or {}),

@@ -124,6 +124,11 @@ class Reader:
         self.shown = self._signals(wishes.outputs, "outputs")
         self.tracked = self._signals(wishes.tolerances, "tolerances")
         self.limited = self._signals(wishes.limits, "limits")
+        for argument in ("tolerances", "targets"):
+            if self.stated and getattr(wishes, argument):
+                raise ArgumentError("an Optimization states its own cost; leave it out", argument)
+        if unknown := [name for name in wishes.targets if name not in wishes.tolerances]:
+            raise ArgumentError(f"'{unknown[0]}' has no tolerance; give it one", "targets")
         if not self.stated and not self.tracked:
             raise ArgumentError("expected at least one name with a tolerance, or an Optimization", "tolerances")
         self.tunable = self._tunable()
