@@ -35,7 +35,7 @@ class ControlHorizon(Options):
         "inputs of the stages: explicit: those of the model; inverse: accelerations, with the model's inputs as rows",
     ] = "auto"
     terminal: Annotated[bool, "cost after the horizon, by the Riccati equation at the targets"] = True
-    max_iterations: Annotated[int, Within(least=1), "of the interior point method in a cycle"] = 20
+    max_iterations: Annotated[int, Within(least=1), "of the interior point method in a cycle"] = 25
     tolerance: Annotated[float, Within(above=0.0), "of the quadratic programs, relative to 1 + cost"] = 1e-6
     patience: Annotated[int, Within(least=0), "cycles in a row without a measurement, or without a solution"] = 10
 
