@@ -55,11 +55,6 @@ class QPText:
         arrays = "".join(f"    double {k}[{max(1, size)}];\n" for k, size in sizes.items())
         return arrays, "".join(f"    work.{k} = {k};\n" for k in sizes)
 
-    @property
-    def bytes(self) -> int:
-        """Working memory in double."""
-        return 8 * sum(int(line.split("[")[1].split("]")[0]) for line in self.memory()[0].splitlines())
-
 
 def called(f: ca.Function, name: str) -> ca.Function:
     """Return the function under another name."""

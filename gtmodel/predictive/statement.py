@@ -107,17 +107,16 @@ class Reader:
         self.wishes, self.stated = wishes, isinstance(model, Optimization)
         cls: Any = type(model)
         bases = (cls,) if self.stated else (cls, Optimization)
-        marks: list[Any] = []
-        self._marks = marks
-        self._places: dict[str, tuple[int, int]] = {}
+        self.places: dict[str, tuple[int, int]] = {}  # variable -> first entry and size
+        self.marks: list[Any] = []
+        self._entries: list[Any] = []
 
         def objective(root: Any) -> Any:
             total = cls.objective(root) if self.stated else None
             # integrals without weight: the plan then computes their integrands
-            marks[:] = [integral(Expr(e, (), None, self.flat.scope)) for e in self._entries]
-            return 0.0 * marks[0] if total is None else total
+            self.marks = [integral(Expr(e, (), None, self.flat.scope)) for e in self._entries]
+            return 0.0 * self.marks[0] if total is None else total
 
-        self._entries: list[Any] = []
         self.model = type(cls.__name__, bases, {"objective": objective})(**model._modifiers)
         self.flat = flat_of(self.model)
         self.sensors = self._signals(wishes.measured, "measured")
@@ -141,8 +140,8 @@ class Reader:
                 _, indices, order = self.flat.lookup(name)
             except ModelError as error:
                 raise ArgumentError(str(error), argument) from None
-            if name not in self._places:
-                self._places[name] = len(self._entries), len(indices)
+            if name not in self.places:
+                self.places[name] = len(self._entries), len(indices)
                 self._entries += [self.flat.scope.symbol(i, order) for i in indices]
             unit = self.flat.variables[indices[0]].unit or "?"
             if order:
@@ -191,18 +190,24 @@ def _refuse(problem: DynamicProblem) -> None:
         raise ModelError(f"{title}: a state is prescribed at one instant, the end; a horizon that moves has none")
     if problem.misfits:
         raise ModelError(f"{title}: gt.misfit is not part of a controller")
-    expressions = [r for r in problem.rates if r is not None] + [
+    controls = len(problem.control_indices) if problem.formulation == "inverse" else 0
+    if problem.algebraic.numel() > controls:
+        raise ModelError(
+            f"{title}: {problem.algebraic_labels[controls]} is a condition on the inputs; solve it for one"
+        )
+    expressions = [
+        *[r for r in problem.rates if r is not None],
         problem.algebraic,
-        *(r.expression for r in problem.path),
+        *[r.expression for r in problem.path],
     ]
-    if any(ca.depends_on(SX(e), problem.t) for e in expressions):
-        raise ModelError(f"{title}: the equations depend on time; give what changes as a reference")
+    if any(ca.depends_on(SX(e), problem.t) for e in [*expressions, *[e for _, e, _ in problem.integrals]]):
+        raise ModelError(f"{title}: the equations or the cost depend on time; give what changes as a reference")
 
 
 class _Assembly:
     def __init__(self, reader: Reader, problem: DynamicProblem) -> None:
         self.reader, self.problem = reader, problem
-        n, m = problem.x.numel(), len(problem.control_indices)
+        m = len(problem.control_indices)
         tops = [k for k, r in enumerate(problem.rates) if r is None]
         self.inverse = problem.formulation == "inverse"
         size = len(tops) if self.inverse else m
@@ -213,7 +218,6 @@ class _Assembly:
         # inputs of the model, by the motion
         self.computed = -ca.substitute(problem.algebraic, problem.u, SX.zeros(m)) if self.inverse else problem.u
         self.names = [problem.flat.variables[i].name for i in problem.control_indices]
-        self.n = n
 
     def moved(self, expressions: Sequence[Any], commanded: bool) -> list[Any]:
         """Replace the model's inputs and rates by the input of the stage; `commanded`: the model's inputs without the
@@ -235,8 +239,8 @@ class _Assembly:
         reader, problem = self.reader, self.problem
         wishes, flat = reader.wishes, problem.flat
         by_mark = {s.element_hash(): e for s, e, _ in problem.integrals}
-        entries = [by_mark[mark.sx.element_hash()] for mark in reader._marks]
-        at = {name: entries[a : a + size] for name, (a, size) in reader._places.items()}
+        entries = [by_mark[mark.sx.element_hash()] for mark in reader.marks]
+        at = {name: entries[a : a + size] for name, (a, size) in reader.places.items()}
         rates = [self.tops[[k for k, r in enumerate(problem.rates) if r is None].index(k)] if r is None else r
                  for k, r in enumerate(problem.rates)]  # fmt: skip
         hold = SX.sym("hold", len(self.names))
