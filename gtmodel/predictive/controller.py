@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from hashlib import sha256
 from typing import Any
 
 import casadi as ca
@@ -218,7 +219,7 @@ class Controller(StepFunction, Portable):
     def facts(self) -> Mapping[str, Any]:
         """Return the data from which the code was generated."""
         program, horizon = self.program, self.program.horizon
-        text = [str(f) for f in kernels_of(self, "f")]
+        text = [f"{f} {_digest(f)}" for f in kernels_of(self, "f")]
         numbers = [float(v).hex() for v in (self.period, horizon.stage, program.qp.tolerance, *self.first)]
         return {"numbers": numbers, "stages": program.qp.count, "max_iterations": program.qp.max_iterations,
                 "causality": program.statement.causality, "delay": horizon.delay, "patience": horizon.patience,
@@ -419,3 +420,13 @@ class ControllerRun(Portable):
     def disturbance(self) -> np.ndarray:
         """Estimated offset of the inputs of the stages."""
         return np.array(self.state["d"]) if self.law.estimates else np.zeros(0)
+
+
+def _digest(f: ca.Function) -> str:
+    """Hash of the instructions of a function, with all digits of its constants."""
+    lines = [
+        f"{f.instruction_id(k)} {f.instruction_input(k)} {f.instruction_output(k)} "
+        + (float(f.instruction_constant(k)).hex() if f.instruction_id(k) == ca.OP_CONST else "")
+        for k in range(f.n_instructions())
+    ]
+    return sha256("\n".join(lines).encode()).hexdigest()
