@@ -25,8 +25,9 @@ def test_the_shipped_controller_takes_accelerations_as_inputs(tmp_path: Path) ->
 
 
 @pytest.mark.proof
-def test_its_code_equals_python_over_two_hundred_cycles(tmp_path: Path) -> None:
-    study = write(load(PROBLEM).problem, Context(), tmp_path / "out", verify=True)
+@pytest.mark.parametrize("name", [PROBLEM, "problems/predictive_path.toml"])
+def test_the_code_equals_python_over_two_hundred_cycles(name: str, tmp_path: Path) -> None:
+    study = write(load(name).problem, Context(), tmp_path / "out", verify=True)
     assert study.message == "the C code equals Python bit for bit at 200 points, and in the status at 200"
 
 

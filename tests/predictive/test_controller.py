@@ -12,7 +12,6 @@ import scipy
 
 import gtmodel as gt
 from gtmodel import Status, cgen, der
-from gtmodel.lang.model import dependent
 from gtmodel.linear.state_space import held
 from gtmodel.predictive import ControlHorizon, Controller, Measurement, controller
 from gtmodel.results import ArgumentError
@@ -94,24 +93,10 @@ def set_point() -> Controller:
     )  # fmt: skip
 
 
-class OnLine(gt.Model):
-    """The L1 on a line, with free speed along it."""
-
-    robot = gt.part(dependent(gt.robots.gantry_tau("l1_tape"), "tau"))
-    begin = gt.parameter([0.2, -0.9, 0.2], unit="m")
-    way = gt.parameter([0.3, 0.05, 0.1], unit="m")
-    s = gt.variable(prefer=2)
-    drive = gt.input(unit="1/s2")
-
-    def equations(self) -> Any:
-        yield self.robot.T == self.begin + self.s * self.way
-        yield self.drive == der(self.s, 2)
-
-
 def on_a_line() -> Controller:
     """One input for three forces: their limits are soft, since no plan need keep them."""
     return controller(
-        OnLine(), ControlHorizon(period=0.004, stages=40, length=0.01),
+        gt.load_robot(f"{gt.shipped('models/l1_on_a_line.py')}:OnALine"), ControlHorizon(period=0.004, stages=40, length=0.01),
         tolerances={"s": 0.02, "der(s)": 2.0, "drive": 100.0}, targets={"s": 1.0},
         limits={"robot.tau": (-700.0, 700.0)}, prices={"robot.tau": (1e4, 1e4)},
     )  # fmt: skip
