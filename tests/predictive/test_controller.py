@@ -95,8 +95,9 @@ def set_point() -> Controller:
 
 def on_a_line() -> Controller:
     """One input for three forces: their limits are soft, since no plan need keep them."""
+    model = gt.load_robot(f"{gt.shipped('models/l1_on_a_line.py')}:OnALine")
     return controller(
-        gt.load_robot(f"{gt.shipped('models/l1_on_a_line.py')}:OnALine"), ControlHorizon(period=0.004, stages=40, length=0.01),
+        model, ControlHorizon(period=0.004, stages=40, length=0.01),
         tolerances={"s": 0.02, "der(s)": 2.0, "drive": 100.0}, targets={"s": 1.0},
         limits={"robot.tau": (-700.0, 700.0)}, prices={"robot.tau": (1e4, 1e4)},
     )  # fmt: skip
