@@ -11,7 +11,7 @@ import numpy as np
 from .._near import meant, near
 from .._pickling import Interned, Portable
 from . import functions as _functions  # noqa: F401  # fills UFUNCS: NumPy on the left of an expression
-from .declare import ATTRIBUTES, Declaration, Discrete, Each, Free, Outer, Parameter, Part, Port, Variable
+from .declare import ATTRIBUTES, Declaration, Discrete, Each, Free, Outer, Parameter, Part, Port, Variable, variable
 from .expression import Expr
 from .source import ModelError, SourceLocation, here
 from .values import check_parameter
@@ -346,3 +346,18 @@ _RESERVED = frozenset(
         "constraints",
     ]
 )
+
+
+def dependent(model: Model, *names: str) -> Model:
+    """Return the model with inputs of its own class turned into variables, which equations around it determine.
+
+    Raises ModelError if it declares no such input.
+    """
+    cls, declared = type(model), dict[str, Any]()
+    for name in names:
+        item = cls._declared.get(name)
+        if not isinstance(item, Variable) or item.role != "input":
+            raise ModelError(f"{cls.__name__} declares no input '{name}'; declare it in its own class", None)
+        attributes = {k: v for k, v in item.attributes.items() if v is not None}
+        declared[name] = variable(item.shape, unit=item.unit, **attributes)
+    return type(cls.__name__, (cls,), declared)(**model._modifiers)

@@ -13,6 +13,7 @@ import numpy as np
 from .. import lang as gt
 from .._lazy import hint
 from ..compiler.causal import CausalFunction
+from ..lang.model import dependent
 from ..results import ArgumentError, Status, Trajectory
 from ..robots.links import links_of
 from .constraints import NO_GUARD, MotionConstraints
@@ -179,12 +180,3 @@ def motion(
     elif order is not None:
         declared["drive"] = gt.input(3, unit=f"m/s{order}", nominal=10.0, description="derivative of T")
     return type("Motion", (Motion,), declared)()
-
-
-def dependent(robot: gt.Model, name: str) -> gt.Model:
-    """Return the robot with the named input turned into a dependent variable."""
-    cls: Any = type(robot)
-    item = cls._declared[name]
-    attributes = {k: v for k, v in item.attributes.items() if v is not None}
-    variable = gt.variable(item.shape, unit=item.unit, **attributes)
-    return type(cls.__name__, (cls,), {name: variable})(**robot._modifiers)

@@ -9,12 +9,13 @@ import casadi as ca
 import numpy as np
 
 from .._pickling import Portable
-from ..cgen.real import DOUBLE, FLOAT_TOLERANCE, STAGE_QP, Real, decimal
+from ..cgen.real import DOUBLE, FLOAT_TOLERANCE, STAGE_QP, Real
 from ..cgen.steps.function import StepFunction, StepMember, StepTwin, dtype_of, step_prototype
 from ..results.refusal import ArgumentError
 from ..results.status import Status
 from .interior_point import InteriorPoint
 from .kernels import KERNELS
+from .qp_text import QPText, init_text
 from .stage_qp import StageQP
 
 SPREAD, MISSING = 0.1, 0.1  # of the examples: relative to the typical numbers; share with a number that is not finite
@@ -88,38 +89,17 @@ class ControllerQP(StepFunction, Portable):
 
     def kernels(self, symbol: str) -> list[ca.Function]:
         """Return the operations of a stage and of the last one under their C names."""
-        return [
-            _called(f[k], f"{symbol}_{name}_{k}")
-            for f, name in zip(self.qp.kernels, NAMES, strict=True)
-            for k in KERNELS
-        ]
+        return QPText(self.qp, symbol, self.qp.tolerance).kernels()
 
     def text(self, symbol: str, real: Real) -> str:
         """Return the C text of init and step."""
-        qp, stage, last = self.qp, self.qp.stage, self.qp.last
-        n, m, count, sides = stage.states, stage.inputs, qp.count, self._sides
-        own, end = stage.positives, last.positives
-        rows, products = count * len(stage.rows) + len(last.rows), sides // 2
-        part = max(m, own // 2, end // 2)
-        sizes = {
-            "x": (count + 1) * n, "u": count * m, "du": count * m, "y": rows, "sides": sides, "change": sides,
-            "product": products, "weight": rows, "slope": rows, "gain": count * m * n, "offset": count * m,
-            "lower": count * m * (m - 1) // 2, "inverse": count * m, "part": part, "hessian": n * (n + 1),
-            "gradient": 2 * n, "dx": 2 * n, "dy": max(len(stage.rows), len(last.rows)),
-        }  # fmt: skip
-        heads = []
-        for name, of in zip(NAMES, (stage, last), strict=True):
-            numbers = [of.numbers, len(of.rows), of.positives, of.positives // 2]
-            heads.append(f"{{{', '.join([*map(str, numbers), *[f'{symbol}_{name}_{k}' for k in KERNELS]])}}}")
-        given = [f"{count}, {n}, {m}, {n * (n + 1) // 2}, {m * (m - 1) // 2}, {qp.max_iterations}"]
-        given += [f"{decimal(max(products, 1))}, {decimal(self.tolerance_of(real))}", *heads]
-        inner = ",\n    ".join(given)
+        qp, of = self.qp, QPText(self.qp, symbol, self.tolerance_of(real))
+        n, m, count, own, end = qp.stage.states, qp.stage.inputs, qp.count, of.own, of.end
+        arrays, pointers = of.memory()
         known = {member.name for member in self.inputs}
         data, last_data = (f"in->{k}" if k in known else "none" for k in ("data", "last_data"))
         none = "" if {"data", "last_data"} <= known else "    const double none[1] = {0.0};\n"
         finite = " || ".join(f"(gt_all_finite({i.address('in->')}, {i.count}) == 0)" for i in self.inputs)
-        arrays = "".join(f"    double {k}[{max(1, size)}];\n" for k, size in sizes.items())
-        work = "".join(f"    work.{k} = {k};\n" for k in sizes)
         moved = "".join(
             f"        gt_copy({to}, &state->{member}[{size if count > 1 else 0}], {(count - 1) * size});\n"
             f"        gt_copy(&{to}[{(count - 1) * size}], &state->{member}[{(count - 1) * size}], {size});\n"
@@ -129,14 +109,11 @@ class ControllerQP(StepFunction, Portable):
         if end:
             moved += f"        gt_copy(&start[{count * own}], &state->sides[{count * own}], {end});\n"
         return (
-            f"static const gt_stage_qp {symbol}_qp = {{\n    {inner}\n}};\n\n"
-            f"gt_status {symbol}_init({symbol}_state *state, const {symbol}_start *start)\n{{\n"
-            f"    static const {symbol}_state empty = {{0}};\n\n    (void)start;\n    *state = empty;\n"
-            "    return GT_OK;\n}\n\n"
+            f"{of.table()}{init_text(symbol)}"
             f"{step_prototype(symbol)}\n{{\n    gt_stage_qp_work work;\n    gt_stage_qp_call call;\n"
             f"    gt_stage_qp_outcome found;\n    gt_status status;\n{none}"
-            f"    double start[{max(1, sides)}];\n{arrays}    int k;\n\n"
-            f"    if ({finite}) {{\n        return GT_NOT_FINITE;\n    }}\n{work}    call.f = &{symbol}_qp;\n"
+            f"    double start[{max(1, of.sides)}];\n{arrays}    int k;\n\n"
+            f"    if ({finite}) {{\n        return GT_NOT_FINITE;\n    }}\n{pointers}    call.f = &{symbol}_qp;\n"
             f"    call.data = {data};\n    call.last_data = {last_data};\n    call.w = &work;\n"
             f"    gt_copy(x, in->x, {n});\n    if (state->begun != 0) {{\n{moved}    }} else {{\n"
             f"        for (k = 0; k < {count * m}; k++) {{\n            u[k] = 0.0;\n        }}\n    }}\n"
@@ -144,7 +121,7 @@ class ControllerQP(StepFunction, Portable):
             "    if (status == GT_OK) {\n"
             f"        gt_copy(out->u, u, {m});\n        gt_copy(out->plan, u, {count * m});\n"
             "        out->cost = found.cost;\n        out->iterations = found.iterations;\n"
-            f"        gt_copy(state->plan, u, {count * m});\n        gt_copy(state->sides, sides, {sides});\n"
+            f"        gt_copy(state->plan, u, {count * m});\n        gt_copy(state->sides, sides, {of.sides});\n"
             "        state->begun = 1;\n    }\n    return status;\n}\n\n"
         )
 
@@ -190,9 +167,6 @@ class ControllerQP(StepFunction, Portable):
         return row
 
 
-NAMES = ("stage", "last")
-
-
 class ControllerQPTwin(StepTwin):
     """A `ControllerQP` in Python: takes and returns records with the same bytes as C."""
 
@@ -234,8 +208,3 @@ class ControllerQPTwin(StepTwin):
         if controller._sides:
             state["sides"] = np.concatenate([o.sides.T.ravel(), o.last_sides.ravel()])
         return Status.OK
-
-
-def _called(f: ca.Function, name: str) -> ca.Function:
-    symbols = f.sx_in()
-    return ca.Function(name, symbols, f.call(symbols))

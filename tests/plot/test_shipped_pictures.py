@@ -25,7 +25,8 @@ QUICK = (
 )  # fmt: skip
 NO_PICTURE = (  # they write code
     "d1_controller", "f1_controller", "f1_fmu", "five_bar_controller", "l1_controller", "l1_controller_float", "l1_fmu",
-    "l1_inverse_fmu", "l1_lead_through", "planar_3rrr_controller", "rotary_delta_controller",
+    "l1_inverse_fmu", "l1_lead_through", "l1_predictive", "planar_3rrr_controller", "predictive_path",
+    "rotary_delta_controller",
 )  # fmt: skip
 ELSEWHERE = tuple(NOT_SHIPPED)  # their recordings are not shipped
 OTHERS = sorted({p.stem for p in PROBLEMS.glob("*.toml")} - {*QUICK, *NO_PICTURE, *ELSEWHERE})

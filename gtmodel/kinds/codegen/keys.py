@@ -10,9 +10,11 @@ from typing import Any, Literal
 
 from pydantic import Field, PositiveFloat
 
+from gtmodel import predictive
 from gtmodel.cgen import Verification
 from gtmodel.fmu.plant_unit import PlantUnit
 from gtmodel.loop.lead_through.options import Guiding
+from gtmodel.predictive.options import ControlHorizon, Measurement
 from gtmodel.problem_files.base import Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.keys import Free, RobotProblem
@@ -214,13 +216,54 @@ class PlantUnitSection(Made):
         return {"file": os.path.relpath(context.file(self.file, "plant.file", what="unit"), out)} if self.file else {}
 
 
+@made_from(ControlHorizon)
+class PredictiveSection(Made):
+    """A step function: predictive control of the model, an optimum over a horizon solved again in every cycle."""
+
+    name: str = Field(min_length=1, description="C name: gt_<name>_<this>_init and _step")
+    tolerances: dict[str, float | list[float]] = Field(
+        description="variable = deviation from its reference that counts 1 in the cost, in its SI unit"
+    )
+    targets: dict[str, float | list[float]] = Field(
+        default={}, description="variable = reference; derivatives: 0; inputs: the value that holds the targets"
+    )
+    references: list[str] = Field(default=[], description="variables whose reference is an input of the C code")
+    limits: dict[str, list[float] | list[list[float]]] = Field(
+        default={}, description="variable = [low, high], or one pair for each entry; exact for inputs, else soft"
+    )
+    prices: dict[str, list[float]] = Field(
+        default={}, description="limited variable = [linear, quadratic] price of exceeding its limit by its own size"
+    )
+    measured: dict[str, Made[Measurement]] = Field(
+        default={}, description="measured variables and their noise; all states if left out"
+    )
+    disturbance: dict[str, PositiveFloat] = Field(
+        default={}, description="input = standard deviation of its random change in one second; for `measured`"
+    )
+    outputs: list[str] = Field(default=[], description="further outputs, at the end of a period")
+    prefer: list[str] = Field(default=[], description="names to keep as states")
+
+    def made(self, model: Any, context: Context, key: str) -> predictive.Controller:
+        """Return the controller of the model. Raises ArgumentError and ModelError."""
+        with naming("measured."):
+            measured = {name: m.options() for name, m in self.measured.items()}
+        names = ("tolerances", "targets", "references", "limits", "prices", "disturbance", "outputs", "prefer")
+        given = {name: getattr(self, name) for name in names}
+        return predictive.controller(model, self.options(), measured=measured, **given)
+
+    def key_of(self, argument: str) -> str:
+        """Return the key of an argument."""
+        return {"period": "period_s", "length": "length_s"}.get(argument, argument)
+
+
 class Schema(RobotProblem):
-    """C code of functions and filters of one robot."""
+    """C code of functions, filters and predictive controllers of one robot."""
 
     real: Literal["double", "float"] = Field(default="double", description="floating-point type in C")
     name: str = Field(default="", description="prefix of the C names; the name of the problem file if empty")
     functions: list[Function] = Field(default=[], description="functions to generate")
     filters: list[FilterSection] = Field(default=[], description="filters to generate, as step functions")
+    predictive: list[PredictiveSection] = Field(default=[], description="predictive controllers, as step functions")
     box: dict[str, list[list[float]]] = Field(
         default={},
         description='intervals by input, such as "der(T)" = [[-1.5, 1.5]], where every function must have a solution',
@@ -270,4 +313,5 @@ def keys_of_units(problem: Schema) -> dict[str, str]:
     keys = {f"options.{f.name}.{option}": f"fmu.{key}" for f in problem.functions for option, key in shared.items()}
     keys |= {f"options.{f.name}.box": "box" for f in problem.functions}
     keys |= {f"options.{f.name}": f"functions[{n}]" for n, f in enumerate(problem.functions)}
-    return keys | {f"options.{f.name}": f"filters[{n}]" for n, f in enumerate(problem.filters)}
+    keys |= {f"options.{f.name}": f"filters[{n}]" for n, f in enumerate(problem.filters)}
+    return keys | {f"options.{f.name}": f"predictive[{n}]" for n, f in enumerate(problem.predictive)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 from gtmodel.cgen import CodeStudy, StepFunction, study
 from gtmodel.cgen.folder import held
@@ -17,7 +18,7 @@ from gtmodel.problem_files.noted import doubts, refuse_distrusted
 from gtmodel.results import ArgumentError
 from gtmodel.results.refusal import naming
 
-from .keys import FilterSection, Schema, from_result, keys_of_units
+from .keys import FilterSection, PredictiveSection, Schema, from_result, keys_of_units
 
 arguments = keys_of_units
 VERSIONS = {"3": (3,), "2": (2,), "both": (3, 2)}
@@ -95,10 +96,9 @@ def explain(problem: Schema, context: Context) -> str:
 
 
 def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction | StepFunction]:
-    """Return functions and filters by name; after a stop request, those finished so far. Raises InputError for a
-    duplicate name and for a wrong causality."""
-    if not problem.functions and not problem.filters:
-        raise InputError("there is nothing to generate; give [[functions]] or [[filters]]", "functions")
+    """Return all functions by name; after a stop request, those finished so far. Raises InputError."""
+    if not (problem.functions or problem.filters or problem.predictive):
+        raise InputError("there is nothing to generate; give [[functions]], [[filters]] or [[predictive]]", "functions")
     model = problem.model(context)
     functions: dict[str, CausalFunction | StepFunction] = {}
     for n, f in enumerate(problem.functions):
@@ -111,24 +111,26 @@ def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction 
             functions[f.name] = compile_causal(model, f.known, f.targets, f.prefer, f.branches, f.name)
         except ModelError as error:
             raise InputError(f"{error} (function '{f.name}')", f"functions[{n}]") from error
-    for n, section in enumerate(problem.filters):
+    steps: list[tuple[str, Any, Any]] = [(f"filters[{n}]", s, _filter) for n, s in enumerate(problem.filters)]
+    steps += [(f"predictive[{n}]", s, PredictiveSection.made) for n, s in enumerate(problem.predictive)]
+    for n, (key, section, made) in enumerate(steps):
         if section.name in functions:
-            raise InputError(f"'{section.name}' names two functions", f"filters[{n}].name")
+            raise InputError(f"'{section.name}' names two functions", f"{key}.name")
         if context.interrupted():
             break
-        context.progress(f"deriving {section.name}", n / len(problem.filters))
+        context.progress(f"deriving {section.name}", n / len(steps))
         try:
-            functions[section.name] = _filter(from_result(section, context, f"filters[{n}]"), model)
+            functions[section.name] = made(section, model, context, key)
         except ArgumentError as error:
-            key = section.key_of(error.argument)
-            raise InputError(error.message, f"filters[{n}].{key}" if key else f"filters[{n}]") from error
+            raise InputError(error.message, f"{key}.{section.key_of(error.argument)}".rstrip(".")) from error
         except ModelError as error:
-            raise InputError(str(error), f"filters[{n}]") from error
+            raise InputError(str(error), key) from error
     return functions
 
 
-def _filter(section: FilterSection, model: Model) -> ControllerFilter:
+def _filter(section: FilterSection, model: Model, context: Context, key: str) -> ControllerFilter:
     """The filter of one table."""
+    section = from_result(section, context, key)
     process = ProcessModel(
         model, dict(section.noise), inputs=section.inputs, states=section.states, quaternions=section.quaternions
     )

@@ -14,13 +14,14 @@ import scipy
 from ... import lang as gt
 from ...compiler.causal import CausalFunction, compile_causal
 from ...lang import Model
+from ...lang.model import dependent
 from ...optimize.path import PathMotion, solve_path
 from ...results import ArgumentError, Status, Trajectory
 from ..constraints import MotionConstraints
 from ..options import AxisLimits, Shape
 from ..path_parametrization import task_along
 from ..paths import Path
-from ..task import GUESS_TIME_S, SHORTEST_TIME_S, dependent
+from ..task import GUESS_TIME_S, SHORTEST_TIME_S
 from .options import AxisCost, AxisEnd, AxisMesh, AxisSolver, ToolCourse
 
 

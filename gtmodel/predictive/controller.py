@@ -1,0 +1,432 @@
+"""A predictive controller from a model: an optimum over a horizon, solved again in every cycle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from .._pickling import Portable
+from ..cgen.real import DOUBLE, FLOAT_TOLERANCE, STAGE_QP, Real
+from ..cgen.steps.function import StepFunction, StepMember, StepTwin, dtype_of, record
+from ..lang.events import SampledBlock
+from ..lang.model import Model
+from ..lang.source import ModelError
+from ..results.refusal import ArgumentError
+from ..results.status import Status
+from .block import block_of, closed_loop
+from .converged import ConvergedPlan, converged
+from .cycle import CycleTwin, kernels_of, text_of
+from .discretised import Discretised
+from .options import ControlHorizon, Measurement
+from .statement import Reader, Wishes
+
+PRICE = (1e3, 1e3)  # of a soft limit, by its size
+SPREAD, MISSING = 0.02, 0.1  # of examples: relative to the typical numbers; share with a number that is not finite
+
+
+def controller(
+    model: Model,
+    horizon: ControlHorizon,
+    *,
+    tolerances: Mapping[str, Any] | None = None,
+    targets: Mapping[str, Any] | None = None,
+    references: Sequence[str] = (),
+    limits: Mapping[str, Any] | None = None,
+    prices: Mapping[str, Any] | None = None,
+    measured: Mapping[str, Measurement] | None = None,
+    disturbance: Mapping[str, float] | None = None,
+    outputs: Sequence[str] = (),
+    prefer: Sequence[str] = (),
+    branches: Mapping[str, int] | None = None,
+) -> Controller:
+    """Return the predictive controller of a model of components.
+
+    In each cycle it minimises the integral over the horizon of the squares of (value - reference) / tolerance, plus a
+    cost after the horizon by the Riccati equation (`ControlHorizon.terminal`). A cycle linearises once and solves one
+    quadratic program (real-time iteration; Diehl, Bock, Schloeder 2005, SIAM J. Control Optim. 43, 1714-1736).
+
+    Args:
+        model: with its inputs declared by gt.input; these are decided. An Optimization states its own cost, a sum of
+            squares, and its limits, but no instants and no free constants. The horizon is that of the second argument.
+        horizon: stages, period, delay.
+        tolerances: variable -> deviation that counts 1, in its SI unit, one number or one for each entry (Bryson); of
+            inputs too, whose reference is the value that holds the targets.
+        targets: variable -> reference, for all with a tolerance but derivatives and inputs, whose reference is zero
+            or the holding value. The Riccati equation and the filter are those of rest at the targets.
+        references: variables with a tolerance whose reference is given in each cycle; of an Optimization, parameters.
+        limits: variable -> (low, high). Limits of inputs hold exactly, all others are soft. They add to `min`, `max`
+            and the constraints of the model.
+        prices: limited variable -> (linear, quadratic) price of exceeding its limit by its own size; by default
+            (1000, 1000) for soft ones.
+        measured: variable -> its noise, variables that the inputs do not change at once. Left out: all states.
+        disturbance: input -> standard deviation of its random change in one second, in its unit. An offset of each
+            input is then estimated, so that no error remains at rest (Pannocchia, Rawlings 2003, AIChE J. 49, 426-437).
+        outputs: further variables to return, at the end of the present period if no delay is declared.
+        prefer, branches: as for `causal`.
+
+    Raises ArgumentError for wrong arguments and ModelError for a model that has no closed form in these causalities.
+
+    >>> class Cart(gt.Model):
+    ...     x = gt.variable(unit="m")
+    ...     v = gt.variable(unit="m/s")
+    ...     m = gt.parameter(2.0, unit="kg")
+    ...     force = gt.input(unit="N", min=-2.0, max=2.0)
+    ...     def equations(self):
+    ...         yield gt.der(self.x) == self.v
+    ...         yield self.m * gt.der(self.v) == self.force
+    >>> law = gt.predictive.controller(
+    ...     Cart(), gt.predictive.ControlHorizon(period=0.05, stages=20), tolerances={"x": 0.01, "force": 1.0},
+    ...     targets={"x": 0.0}, references=["x"],
+    ... )
+    >>> cycle = law.begin()
+    >>> cycle.step({"x": 1.0, "v": 0.0}, {"x": 0.0}).values["force"].round(3)
+    array([-2.])
+    """
+    if not isinstance(model, Model):
+        raise ArgumentError(f"expected a configured model; found {type(model).__name__}", "model")
+    for name, value in (measured or {}).items():
+        if not isinstance(value, Measurement):
+            raise ArgumentError(f"expected gt.predictive.Measurement(...); found {value!r}", f"measured.{name}")
+    wishes = Wishes(
+        dict(tolerances or {}), dict(targets or {}), list(references), dict(measured or {}), dict(limits or {}),
+        list(outputs), list(prefer), dict(branches or {}),
+    )  # fmt: skip
+    reader, programs, reasons = Reader(model, wishes), list[Discretised](), list[str]()
+    forms = ("inverse", "explicit") if horizon.causality == "auto" else (horizon.causality,)
+    for form in forms:
+        try:
+            statement = reader.read(form)
+        except ModelError as error:
+            if form == forms[-1] and not programs:
+                raise
+            reasons.append(f"{form} form: {error}")
+            continue
+        program = Discretised(statement, horizon, wishes.measured, dict(disturbance or {}), dict(prices or {}), PRICE)
+        programs.append(program)
+        reasons.append(f"{form} form: about {program.operations} operations in a cycle of ten iterations")
+    best = min(programs, key=lambda program: program.operations)
+    return Controller(best, reasons)
+
+
+@dataclass(frozen=True, eq=False)
+class CycleResult:
+    """Result of one cycle: status and outputs by name; `plan`: input of the stages, (stages, m).
+
+    With another status than OK, nothing has happened, and there are no values.
+
+    >>> class Tank(gt.Model):
+    ...     level = gt.variable(unit="m")
+    ...     pump = gt.input(unit="m/s", min=0.0, max=0.2)
+    ...     outflow = gt.parameter(0.05, unit="m/s")
+    ...     def equations(self):
+    ...         yield gt.der(self.level) == self.pump - self.outflow
+    >>> horizon = gt.predictive.ControlHorizon(period=0.1, stages=10)
+    >>> law = gt.predictive.controller(
+    ...     Tank(), horizon, tolerances={"level": 0.01, "pump": 0.1}, targets={"level": 0.5}
+    ... )
+    >>> law.begin().step({"level": np.nan}).status.name
+    'NOT_FINITE'
+    """
+
+    status: Status
+    values: dict[str, Any]
+    plan: np.ndarray
+
+
+class Controller(StepFunction, Portable):
+    """A predictive controller as a step function: in Python, in a simulation, and in C. Made by `controller`.
+
+    >>> class Tank(gt.Model):
+    ...     level = gt.variable(unit="m")
+    ...     pump = gt.input(unit="m/s", min=0.0, max=0.2)
+    ...     outflow = gt.parameter(0.05, unit="m/s")
+    ...     def equations(self):
+    ...         yield gt.der(self.level) == self.pump - self.outflow
+    >>> horizon = gt.predictive.ControlHorizon(period=0.1, stages=10)
+    >>> law = gt.predictive.controller(
+    ...     Tank(), horizon, tolerances={"level": 0.01, "pump": 0.1}, targets={"level": 0.5}
+    ... )
+    >>> [m.identifier for m in law.inputs], [m.identifier for m in law.outputs][:2]
+    (['x'], ['pump_m_s', 'clipped'])
+    """
+
+    runtime = STAGE_QP
+
+    def __init__(self, program: Discretised, reasons: Sequence[str]) -> None:
+        s, horizon, qp = program.statement, program.horizon, program.qp
+        self.program, self.reasons, self.period = program, list(reasons), horizon.period
+        self.title = f"predictive control over {qp.count} stages of {horizon.stage:g} s, {s.causality} form"
+        n, m, nd = qp.stage.states, qp.stage.inputs, program.d.numel()
+        self.estimates, self.share = bool(nd), horizon.period / horizon.stage
+        self.first = program.standstill.w
+        self.sides = qp.count * qp.stage.positives + qp.last.positives
+        rows = qp.count + 1 if horizon.preview else 1
+        where = "of all stages, one after the other, and of the end" if horizon.preview else "of all stages"
+        size = lambda k, r=1: None if k * r == 1 else k * r  # noqa: E731
+        names = ", ".join(k.name for k in s.states)
+        self.readings = [StepMember(k.name, size(k.size), k.unit, "reading") for k in s.sensors]
+        if program.observer is None:
+            self.readings = [StepMember("x", n, "?", f"state: {names}")]
+        self.goals = [StepMember(f"{k.name}.goal", size(k.size, rows), k.unit, where) for k in s.references]
+        self.commands = [StepMember(k.name, size(k.size), k.unit, "input of the plant") for k in s.inputs]
+        self.shown = [StepMember(k.name, size(k.size), k.unit, "after this period") for k in s.shown]
+        self.inputs = [*self.readings, *self.goals]
+        self.outputs = [
+            *self.commands, *self.shown,
+            StepMember("clipped", description="largest part of an input that its limit cut off"),
+            StepMember("cost", description="of the plan, with prices"),
+            StepMember("iterations", description=f"at most {qp.max_iterations}", integer=True),
+            StepMember("failed", description="cycles in a row without a solution", integer=True),
+            StepMember("lost", description="cycles in a row without a usable reading", integer=True),
+        ]  # fmt: skip
+        self.start = [StepMember("x", n, "?", f"state: {names}")]
+        self.defaults: Mapping[str, Any] = {"x": program.standstill.x}
+        past = [StepMember("past", horizon.delay * m, "?", "inputs on their way")] if horizon.delay else []
+        offset = [StepMember("d", nd, "?", "disturbance")] if nd else []
+        self.state = [
+            StepMember("x", n, "?", "predicted for the next cycle"), *offset, *past,
+            StepMember("plan_x", (qp.count + 1) * n, "?", "states of the plan"),
+            StepMember("plan_v", qp.count * m, "?", "inputs of the plan"),
+            StepMember("sides", max(1, self.sides), "1", "distances from the limits, and multipliers"),
+            StepMember("failed", description="cycles in a row without a solution", integer=True),
+            StepMember("lost", description="cycles in a row without a usable reading", integer=True),
+            StepMember("begun", description="1 after the first cycle", integer=True),
+        ]  # fmt: skip
+
+    def tolerance_of(self, real: Real) -> float:
+        """Return the tolerance of the programs; in float it is at least that of the number type."""
+        own = self.program.qp.tolerance
+        return own if real is DOUBLE else max(own, FLOAT_TOLERANCE)
+
+    def kernels(self, symbol: str) -> list[ca.Function]:
+        """Return the generated functions under their C names."""
+        return kernels_of(self, symbol)
+
+    def text(self, symbol: str, real: Real) -> str:
+        """Return the C text of init and step."""
+        return text_of(self, symbol, real)
+
+    def twin(self, real: Real = DOUBLE) -> StepTwin:
+        """Return the twin in Python."""
+        return CycleTwin(self, real)
+
+    def facts(self) -> Mapping[str, Any]:
+        """Return the data from which the code was generated."""
+        program, horizon = self.program, self.program.horizon
+        text = [f"{f} {_digest(f)}" for f in kernels_of(self, "f")]
+        numbers = [float(v).hex() for v in (self.period, horizon.stage, program.qp.tolerance, *self.first)]
+        return {"numbers": numbers, "stages": program.qp.count, "max_iterations": program.qp.max_iterations,
+                "causality": program.statement.causality, "delay": horizon.delay, "patience": horizon.patience,
+                "kernels": text}  # fmt: skip
+
+    def notes(self) -> list[str]:
+        """Return how it was made, its guarantees, and the meaning of its statuses."""
+        program, horizon = self.program, self.program.horizon
+        hard = [r.name for r in program.statement.rows if not r.soft]
+        soft = [r.name for r in program.statement.rows if r.soft]
+        return [
+            f"- stages: {self.reasons[0]}" + (f"; {'; '.join(self.reasons[1:])}" if self.reasons[1:] else ""),
+            f"- always: at most {program.qp.max_iterations} iterations; the inputs within their limits",
+            f"- planned within their limits, exactly in the linearised stages: {', '.join(hard) or 'nothing'}",
+            f"- within their limits if the price allows it: {', '.join(soft) or 'nothing'}",
+            "- not promised: stability, but near the targets with the terminal cost",
+            f"- without a solution or a usable reading it follows its last plan, up to {horizon.patience} cycles in a "
+            "row; then:",
+            "- GT_STALE_INPUT: no usable reading",
+            "- GT_NOT_CONVERGED, GT_SINGULAR: no solution of the quadratic program",
+            "- GT_NOT_FINITE: a reference is not finite, or the first reading; or an output would not be",
+        ]
+
+    def examples(self, rows: int, seed: int, real: Real) -> np.ndarray:
+        """Return readings and references near the standstill, some not finite."""
+        rng, complete = np.random.default_rng(seed), self.complete(DOUBLE)
+        records = np.zeros(rows, dtype_of(self.inputs, real))
+        for k in self.inputs:
+            typical = complete[k.identifier].reshape(-1)
+            spread = SPREAD * (np.abs(typical) + SPREAD)
+            if k in self.readings and self.program.observer is not None:
+                place = sum(r.count for r in self.readings[: self.readings.index(k)])
+                spread = np.minimum(spread, SPREAD * self.program.observer.jump[place : place + k.count])
+            values = typical + spread * rng.normal(size=(rows, k.count))
+            if k in self.readings:
+                values[rng.random(rows) < MISSING, 0] = np.nan
+            records[k.identifier] = real.array(values.reshape(records[k.identifier].shape))
+        return records
+
+    def complete(self, real: Real) -> np.ndarray:
+        """Return the readings and references at the targets."""
+        program, s = self.program, self.program.statement
+        rest = program.standstill.x
+        y = rest if program.observer is None else np.asarray(ca.Function("y", [s.x], [s.measured])(rest).full())[:, 0]
+        rows = program.qp.count + 1 if program.horizon.preview else 1
+        values, first = {}, 0
+        for k in self.readings:
+            values[k.name] = y[first : first + k.count].reshape(() if k.size is None else (k.size,))
+            first += k.count
+        first = 0
+        for k in self.goals:
+            own = k.count // rows
+            goal = np.tile(s.targets[first : first + own], rows)
+            values[k.name] = goal[0] if k.size is None else goal
+            first += own
+        return record(self.inputs, real, values)
+
+    def begin(self, x: Any = None) -> ControllerRun:
+        """Return a running instance in Python, from a state x (n,); by default at rest at the targets."""
+        return ControllerRun(self, self.program.standstill.x if x is None else np.asarray(x, float))
+
+    def converge(
+        self, x: Any, goals: Mapping[str, Any] | None = None, *, d: Any = 0.0, start: ConvergedPlan | None = None,
+        max_iterations: int = 200, tolerance: float = 1e-7,
+    ) -> ConvergedPlan:  # fmt: skip
+        """Return the optimum that the cycles approach from a state: sequential quadratic programming with line search.
+
+        Args:
+            x: state (n,), or by name.
+            goals: references by variable; the targets if left out.
+            d: disturbance of the inputs of the stages.
+            start: a plan to begin with; by default straight from the state to rest at the targets.
+            tolerance: of the last change of a state or an input, relative to 1 + its size.
+
+        >>> class Cart(gt.Model):
+        ...     x = gt.variable()
+        ...     v = gt.input(min=-1.0, max=1.0)
+        ...     def equations(self):
+        ...         yield gt.der(self.x) == self.v
+        >>> horizon = gt.predictive.ControlHorizon(period=0.1, stages=20)
+        >>> law = gt.predictive.controller(Cart(), horizon, tolerances={"x": 0.1, "v": 1.0}, targets={"x": 0.0})
+        >>> plan = law.converge([1.0])
+        >>> plan.status.name, plan.inputs[0].round(6)
+        ('OK', array([-1.]))
+        """
+        state = [x[s.name] for s in self.program.statement.states] if isinstance(x, Mapping) else x
+        shift = np.broadcast_to(np.asarray(d, float), (self.program.d.numel(),))
+        return converged(self, np.asarray(state, float), goals or {}, shift, start, max_iterations, tolerance)
+
+    def references_of(self, goals: Mapping[str, Any]) -> np.ndarray:
+        """Return the references of all stages and the end, (numbers, stages + 1), with the targets for those left out.
+
+        Raises ArgumentError for another name or a wrong number.
+        """
+        inputs, rows = self._filled({}, goals), self.program.qp.count + 1 if self.program.horizon.preview else 1
+        columns = [inputs[k.identifier].reshape(rows, -1) for k in self.goals]
+        p = np.concatenate([np.zeros((rows, 0)), *columns], axis=1)
+        return np.ascontiguousarray(np.broadcast_to(p, (self.program.qp.count + 1, p.shape[1])).T)
+
+    def _filled(self, readings: Mapping[str, Any], goals: Mapping[str, Any]) -> np.ndarray:
+        """Record of inputs: given values, elsewhere those at the targets."""
+        inputs, values = self.complete(DOUBLE), dict(readings)
+        known = {k.name.removesuffix(".goal"): k for k in self.goals}
+        for name, value in goals.items():
+            if name not in known:
+                raise ArgumentError(f"'{name}' is not a reference; expected {', '.join(known) or 'none'}", "goals")
+            values[known[name].name] = value
+        rows = self.program.qp.count + 1 if self.program.horizon.preview else 1
+        for k in self.inputs:
+            if k.name in values:
+                array, own = np.asarray(values[k.name], float), k.count // (rows if k in self.goals else 1)
+                if array.size not in (k.count, own):
+                    raise ArgumentError(f"expected {k.count} numbers; found {array.size}", k.name)
+                array = np.tile(array.ravel(), k.count // array.size)
+                inputs[k.identifier] = array.reshape(inputs[k.identifier].shape)
+        return inputs
+
+    def block(self) -> type[SampledBlock]:
+        """Return the controller as a sampled block: a class for `gt.part` of a model that `gt.simulate` runs.
+
+        Its inputs are the measured variables, or the states, with "_" for other signs, and NAME_goal for references;
+        its outputs the inputs of the plant, the further outputs as next_NAME, and failed, lost, iterations and
+        clipped. The delay of the horizon is that of the block.
+        """
+        return block_of(self)
+
+    def around(self, plant: Model) -> Model:
+        """Return a closed loop for `gt.simulate`: the plant as part `plant`, this controller as part `law`.
+
+        plant: the model, or another one with the same inputs and measured variables, such as one with other masses.
+        References are inputs of the loop, law.NAME_goal. For a controller with preview use `block`.
+
+        Raises ArgumentError for a controller with preview, and ModelError if the inputs are not the plant's own.
+        """
+        return closed_loop(self, plant)
+
+
+class ControllerRun(Portable):
+    """A running `Controller` in Python: the same operations as in C.
+
+    >>> class Tank(gt.Model):
+    ...     level = gt.variable(unit="m")
+    ...     pump = gt.input(unit="m/s", min=0.0, max=0.2)
+    ...     outflow = gt.parameter(0.05, unit="m/s")
+    ...     def equations(self):
+    ...         yield gt.der(self.level) == self.pump - self.outflow
+    >>> horizon = gt.predictive.ControlHorizon(period=0.1, stages=10)
+    >>> law = gt.predictive.controller(
+    ...     Tank(), horizon, tolerances={"level": 0.01, "pump": 0.1}, targets={"level": 0.5}
+    ... )
+    >>> run = law.begin()
+    >>> run.step({"level": 0.5}).values["pump"].round(4)  # the outflow
+    array([0.05])
+    """
+
+    def __init__(self, law: Controller, x: np.ndarray) -> None:
+        self.law = law
+        self.state = record(law.state, DOUBLE)
+        status = self.twin.init(self.state, record(law.start, DOUBLE, {"x": x}))
+        if status != Status.OK:
+            raise ArgumentError("expected finite numbers", "x")
+
+    @cached_property
+    def twin(self) -> CycleTwin:
+        """The operations of a cycle."""
+        return CycleTwin(self.law)
+
+    def step(self, measured: Mapping[str, Any], goals: Mapping[str, Any] | None = None) -> CycleResult:
+        """Run one cycle.
+
+        Args:
+            measured: readings by variable, or all states by name.
+            goals: references by variable; the targets if left out. With preview one row for each stage and the end.
+
+        Raises ArgumentError for a missing or unknown name.
+        """
+        law = self.law
+        names = [k.name for k in law.readings]
+        if law.program.observer is None:
+            names = [k.name for k in law.program.statement.states]
+        for name in names:
+            if name not in measured:
+                raise ArgumentError(f"there is no reading of '{name}'", "measured")
+        if unknown := [name for name in measured if name not in names]:
+            raise ArgumentError(f"'{unknown[0]}' is not measured; expected {', '.join(names)}", "measured")
+        values = {name: np.asarray(measured[name], float) for name in names}
+        if law.program.observer is None:
+            values = {"x": np.array([float(values[name]) for name in names])}
+        inputs = law._filled(values, goals or {})
+        outputs = record(law.outputs, DOUBLE)
+        status = self.twin.step(self.state, inputs, outputs)
+        values = (
+            {k.name: np.array(outputs[k.identifier]).reshape(-1) for k in law.outputs} if status == Status.OK else {}
+        )
+        return CycleResult(status, values, self.state["plan_v"].reshape(law.program.qp.count, -1).copy())
+
+    @property
+    def disturbance(self) -> np.ndarray:
+        """Estimated offset of the inputs of the stages."""
+        return np.array(self.state["d"]) if self.law.estimates else np.zeros(0)
+
+
+def _digest(f: ca.Function) -> str:
+    """Hash of the instructions of a function, with all digits of its constants."""
+    lines = [
+        f"{f.instruction_id(k)} {f.instruction_input(k)} {f.instruction_output(k)} "
+        + (float(f.instruction_constant(k)).hex() if f.instruction_id(k) == ca.OP_CONST else "")
+        for k in range(f.n_instructions())
+    ]
+    return sha256("\n".join(lines).encode()).hexdigest()

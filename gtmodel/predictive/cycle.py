@@ -1,0 +1,302 @@
+"""One cycle of a predictive controller, in Python and as C text: both do the same operations in the same order.
+
+1. The reading corrects the predicted state and the disturbance; a reading that is not finite or jumps is left out. In
+   the first cycle, the state of the start is moved to the reading before.
+2. The state is predicted over the delay, with the inputs on their way.
+3. The last plan is moved on by one period, and the stages are linearised there.
+4. One quadratic program is solved. Without a solution the plan stays as moved.
+5. The first input of the plan, within its limits, is the output.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+
+from .._lazy import hint
+from ..cgen.newton_steps import run
+from ..cgen.real import DOUBLE, Real, decimal
+from ..cgen.steps.function import StepTwin, step_prototype
+from ..results.status import Status
+from .interior_point import InteriorPoint
+from .qp_text import QPText, called, init_text
+
+if TYPE_CHECKING:
+    from .controller import Controller
+else:
+    Controller = hint("gtmodel.predictive.controller", "Controller")
+
+LOCATING = 8  # steps from the start to the first reading
+PARTS = ("advance", "locate", "correct", "prepare", "finish", "command")
+
+
+class CycleTwin(StepTwin):
+    """A `Controller` in Python: takes and returns records with the same bytes as C."""
+
+    def __init__(self, controller: Controller, real: Real = DOUBLE) -> None:
+        self.controller, self.real, program = controller, real, controller.program
+        qp = program.qp
+        self.method = InteriorPoint(
+            qp.stage, qp.count, qp.last, controller.tolerance_of(real), qp.max_iterations, qp.kernels, real
+        )
+        self.functions = {name: getattr(program, name) for name in PARTS}
+        self._prepare = program.prepare.map(qp.count)
+
+    def init(self, state: np.ndarray, start: np.ndarray) -> Status:
+        """Empty the state, and begin at the state of the start."""
+        if not np.all(np.isfinite(start["x"])):
+            return Status.NOT_FINITE
+        state[...] = np.zeros((), state.dtype)
+        state["x"] = start["x"]
+        return Status.OK
+
+    def step(self, state: np.ndarray, inputs: np.ndarray, outputs: np.ndarray) -> Status:
+        """Run one cycle."""
+        with np.errstate(all="ignore"):
+            return self._step(state, inputs, outputs)
+
+    def _step(self, state: np.ndarray, inputs: np.ndarray, outputs: np.ndarray) -> Status:
+        c, program, real = self.controller, self.controller.program, self.real
+        qp, horizon, nothing = program.qp, program.horizon, np.zeros(0, real.dtype)
+        n, m, count, begun = qp.stage.states, qp.stage.inputs, qp.count, bool(state["begun"])
+        y = np.concatenate([nothing, *[inputs[k.identifier].reshape(-1) for k in c.readings]])
+        rows = count + 1 if horizon.preview else 1
+        goals = [inputs[k.identifier].reshape(rows, -1) for k in c.goals]
+        p = np.concatenate([np.zeros((rows, 0), real.dtype), *goals], axis=1)
+        if not np.all(np.isfinite(p)):
+            return Status.NOT_FINITE
+        p = np.broadcast_to(p, (count + 1, p.shape[1])).T
+        # 1
+        before, d = state["x"], state["d"] if c.estimates else nothing
+        if not begun:
+            for _ in range(LOCATING):
+                (before,) = self._call("locate", before, y)
+        hat, d_hat, far = self._call("correct", before, d, y)
+        lost = 0
+        if not (np.all(np.isfinite(y)) and far[0] <= 1 and np.all(np.isfinite(np.concatenate([hat, d_hat])))):
+            hat, d_hat, lost = before, d, int(state["lost"]) + 1
+            if not begun:
+                return Status.NOT_FINITE
+            if lost > horizon.patience:
+                return Status.STALE_INPUT
+        # 2
+        x, past = hat, state["past"].reshape(-1, m) if horizon.delay else np.zeros((0, m), real.dtype)
+        for v in past:
+            (x,) = self._call("advance", x, v, d_hat, p[:, 0])
+        # 3
+        if begun:
+            plan = (state["plan_x"].reshape(-1, n).T, state["plan_v"].reshape(-1, m).T)
+            all_sides = state["sides"][: c.sides]
+            sides = all_sides[: count * qp.stage.positives].reshape(count, -1).T
+            share = real.dtype(c.share)
+            moved = [a[:, :-1] + share * (a[:, 1:] - a[:, :-1]) for a in (*plan, sides)]
+            plan_x, plan_v, sides = (
+                np.column_stack([b, a[:, -1:]]) for a, b in zip((*plan, sides), moved, strict=True)
+            )
+            end = all_sides[count * qp.stage.positives :].reshape(-1, 1)
+            start = (np.zeros_like(plan_v), sides, end)
+        else:
+            plan_x = np.repeat(x[:, None], count + 1, axis=1)
+            plan_v, start = np.repeat(real.array(c.first)[:, None], count, axis=1), None
+            sides, end = np.zeros((0, count)), np.zeros((0, 1))
+        data = self._prepared(plan_x, plan_v, d_hat, p[:, :-1])
+        (last,) = self._call("finish", plan_x[:, -1], d_hat, p[:, -1])
+        # 4
+        o = self.method.solve(x - plan_x[:, 0], data, last.reshape(-1, 1), start)
+        failed = 0
+        if o.status == Status.OK:
+            plan_x, plan_v, sides, end = plan_x + o.x, plan_v + o.u, o.sides, o.last_sides
+        else:
+            failed = int(state["failed"]) + 1
+            if not begun or failed > horizon.patience:
+                return o.status
+        # 5
+        forces, clipped, shown = self._call("command", x, plan_v[:, 0], d_hat, p[:, 0])
+        now = past[0] if horizon.delay else plan_v[:, 0]
+        (after,) = self._call("advance", hat, now, d_hat, p[:, 0])
+        if not np.all(np.isfinite(np.concatenate([forces, clipped, shown, after]))):
+            return Status.NOT_FINITE
+        for member, values in ((c.commands, forces), (c.shown, shown)):
+            first = 0
+            for k in member:
+                outputs[k.identifier] = values[first : first + k.count].reshape(outputs[k.identifier].shape)
+                first += k.count
+        outputs["clipped"], outputs["cost"], outputs["iterations"] = clipped[0], o.cost, o.iterations
+        if not np.isfinite(o.cost):
+            outputs["cost"] = 0.0
+        outputs["failed"], outputs["lost"] = failed, lost
+        state["x"], state["lost"], state["failed"], state["begun"] = after, lost, failed, 1
+        if c.estimates:
+            state["d"] = d_hat
+        if horizon.delay:
+            state["past"] = np.concatenate([past[1:].ravel(), plan_v[:, 0]])
+        state["plan_x"], state["plan_v"] = plan_x.T.ravel(), plan_v.T.ravel()
+        if c.sides:
+            state["sides"] = np.concatenate([sides.T.ravel(), np.ravel(end)])
+        return Status.OK
+
+    def _call(self, name: str, *arguments: np.ndarray) -> list[np.ndarray]:
+        f = self.functions[name]
+        if self.real is DOUBLE:
+            return [r.full()[:, 0] for r in f.call([np.asarray(a) for a in arguments])]
+        return [r[:, 0] for r in run(f, [np.reshape(a, (-1, 1)) for a in arguments])]
+
+    def _prepared(self, x: Any, v: Any, d: np.ndarray, p: Any) -> np.ndarray:
+        wide = [x[:, :-1], v, np.repeat(d[:, None], v.shape[1], axis=1), p, x[:, 1:]]
+        if self.real is DOUBLE:
+            return np.asarray(self._prepare.call(wide)[0].full())
+        return run(self.functions["prepare"], wide)[0]
+
+
+def kernels_of(controller: Controller, symbol: str) -> list[ca.Function]:
+    """Return the generated functions under their C names."""
+    program = controller.program
+    own = [called(getattr(program, name), f"{symbol}_{name}") for name in PARTS]
+    return [*own, *QPText(program.qp, symbol, 1.0).kernels()]
+
+
+def _gathered(members: Any, target: str, struct: str = "in->") -> str:
+    lines, first = [], 0
+    for k in members:
+        lines.append(f"    gt_copy(&{target}[{first}], {k.address(struct)}, {k.count});\n")
+        first += k.count
+    return "".join(lines)
+
+
+def _goals(controller: Controller, rows: int) -> str:
+    """References, one row for each stage."""
+    lines, first, size = [], 0, controller.program.statement.p.numel()
+    for k in controller.goals:
+        own = k.count // rows
+        at = f"&{k.address('in->')}[k * {own}]" if k.size is not None else k.address("in->")
+        lines.append(f"        gt_copy(&p[(k * {size}) + {first}], {at}, {own});\n")
+        first += own
+    return f"    for (k = 0; k < {rows}; k++) {{\n{''.join(lines)}    }}\n" if lines else ""
+
+
+def text_of(controller: Controller, symbol: str, real: Real) -> str:
+    """Return the C text of init and step."""
+    c, program = controller, controller.program
+    qp, horizon, of = program.qp, program.horizon, QPText(program.qp, symbol, controller.tolerance_of(real))
+    n, m, count, delay = qp.stage.states, qp.stage.inputs, qp.count, horizon.delay
+    nd, np_, ny = program.d.numel(), program.statement.p.numel(), sum(k.count for k in c.readings)
+    forces, shown = sum(k.count for k in c.commands), sum(k.count for k in c.shown)
+    rows = count + 1 if horizon.preview else 1
+    arrays, pointers = of.memory()
+    own = of.own
+    numbers = {
+        "reading": ny, "p": rows * np_, "hat": n, "ahead": n, "d": nd, "next": n, "plan_x": (count + 1) * n,
+        "plan_v": count * m, "start": of.sides, "data": count * qp.stage.numbers, "last_data": qp.last.numbers,
+        "command": forces, "shown": shown,
+    }  # fmt: skip
+    locals_ = "".join(f"    double {k}[{max(1, size)}];\n" for k, size in numbers.items())
+    first = ", ".join(decimal(v) for v in c.first)
+    at = f"&p[k * {np_}]" if horizon.preview else "p"
+    end = f"&p[{count * np_}]" if horizon.preview else "p"
+
+    def moved(target: str, member: str, size: int, rows: int) -> str:
+        if not size:
+            return ""
+        return (
+            f"        for (k = 0; k < {(rows - 1) * size}; k++) {{\n"
+            f"            {target}[k] = state->{member}[k] + ({decimal(c.share)} * (state->{member}[k + {size}] - "
+            f"state->{member}[k]));\n        }}\n"
+            f"        gt_copy(&{target}[{(rows - 1) * size}], &state->{member}[{(rows - 1) * size}], {size});\n"
+        )
+
+    def call(name: str, arguments: list[str], results: list[str], indent: str = "    ") -> str:
+        lines = [f"{indent}arg[{k}] = {a};\n" for k, a in enumerate(arguments)]
+        lines += [f"{indent}res[{k}] = {r};\n" for k, r in enumerate(results)]
+        return "".join(lines) + f"{indent}(void){symbol}_{name}(arg, res, 0, 0, 0);\n"
+
+    shift = (
+        moved("plan_x", "plan_x", n, count + 1)
+        + moved("plan_v", "plan_v", m, count)
+        + moved("start", "sides", own, count)
+    )
+    if of.end:
+        shift += f"        gt_copy(&start[{count * own}], &state->sides[{count * own}], {of.end});\n"
+    old_d = "state->d" if nd else "d"
+    now = "state->past" if delay else "plan_v"
+    late = (
+        f"    for (k = 0; k < {delay}; k++) {{\n"
+        + call("advance", ["ahead", f"&state->past[k * {m}]", "d", "p"], ["next"], "        ")
+        + f"        gt_copy(ahead, next, {n});\n    }}\n"
+        if delay
+        else ""
+    )
+    queue = (
+        f"    for (k = 0; k < {(delay - 1) * m}; k++) {{\n        state->past[k] = state->past[k + {m}];\n    }}\n"
+        f"    gt_copy(&state->past[{(delay - 1) * m}], plan_v, {m});\n"
+        if delay
+        else ""
+    )
+    planned = [f"&plan_x[k * {n}]", f"&plan_v[k * {m}]", "d", at, f"&plan_x[(k + 1) * {n}]"]
+    prepared = call("prepare", planned, [f"&data[k * {qp.stage.numbers}]"], "        ")
+    start_finite = f"    if (gt_all_finite(start->x, {n}) == 0) {{\n        return GT_NOT_FINITE;\n    }}\n"
+    return (
+        f"{of.table()}{init_text(symbol, f'    gt_copy(state->x, start->x, {n});' + chr(10), start_finite)}"
+        f"{step_prototype(symbol)}\n{{\n    static const double first[{m}] = {{{first}}};\n"
+        "    gt_stage_qp_work work;\n    gt_stage_qp_call call;\n    gt_stage_qp_outcome found;\n"
+        "    gt_status status;\n    const double *arg[5];\n    double *res[3];\n    double far = 0.0;\n"
+        f"    double clipped = 0.0;\n    int lost = 0;\n    int failed = 0;\n    int k;\n{locals_}{arrays}\n"
+        f"{_gathered(c.readings, 'reading')}{_goals(c, rows)}"
+        f"    if (gt_all_finite(p, {rows * np_}) == 0) {{\n        return GT_NOT_FINITE;\n    }}\n"
+        "    /* the reading */\n"
+        f"    gt_copy(d, {old_d}, {nd});\n"
+        + f"    gt_copy(next, state->x, {n});\n    if (state->begun == 0) {{\n"
+        f"        for (k = 0; k < {LOCATING}; k++) {{\n"
+        + call("locate", ["next", "reading"], ["hat"], "            ")
+        + f"            gt_copy(next, hat, {n});\n        }}\n    }}\n"
+        + call("correct", ["next", old_d, "reading"], ["hat", "d", "&far"])
+        + f"    if ((gt_all_finite(reading, {ny}) == 0) || !(far <= 1.0) || (gt_all_finite(hat, {n}) == 0)\n"
+        f"        || (gt_all_finite(d, {nd}) == 0)) {{\n"
+        f"        gt_copy(hat, next, {n});\n        gt_copy(d, {old_d}, {nd});\n        lost = state->lost + 1;\n"
+        "        if (state->begun == 0) {\n            return GT_NOT_FINITE;\n        }\n"
+        f"        if (lost > {horizon.patience}) {{\n            return GT_STALE_INPUT;\n        }}\n    }}\n"
+        f"    /* the delay */\n    gt_copy(ahead, hat, {n});\n{late}"
+        f"    /* the last plan, moved on */\n    if (state->begun != 0) {{\n{shift}    }} else {{\n"
+        f"        for (k = 0; k <= {count}; k++) {{\n            gt_copy(&plan_x[k * {n}], ahead, {n});\n        }}\n"
+        f"        for (k = 0; k < {count}; k++) {{\n            gt_copy(&plan_v[k * {m}], first, {m});\n        }}\n"
+        f"    }}\n    for (k = 0; k < {count}; k++) {{\n"
+        + prepared
+        + "    }\n"
+        + call("finish", [f"&plan_x[{count * n}]", "d", end], ["last_data"])
+        + f"    /* the program */\n{pointers}    call.f = &{symbol}_qp;\n    call.data = data;\n"
+        f"    call.last_data = last_data;\n    call.w = &work;\n    for (k = 0; k < {n}; k++) {{\n"
+        f"        x[k] = ahead[k] - plan_x[k];\n    }}\n    for (k = 0; k < {count * m}; k++) {{\n"
+        "        u[k] = 0.0;\n    }\n"
+        "    status = gt_stage_qp_solve(&call, (state->begun != 0) ? start : 0, &found);\n"
+        "    if (status == GT_OK) {\n"
+        f"        for (k = 0; k < {(count + 1) * n}; k++) {{\n            plan_x[k] += x[k];\n        }}\n"
+        f"        for (k = 0; k < {count * m}; k++) {{\n            plan_v[k] += u[k];\n        }}\n"
+        f"        gt_copy(start, sides, {of.sides});\n    }} else {{\n        failed = state->failed + 1;\n"
+        f"        if ((state->begun == 0) || (failed > {horizon.patience})) {{\n"
+        "            return status;\n        }\n"
+        "    }\n    /* the output */\n"
+        + call("command", ["ahead", "plan_v", "d", "p"], ["command", "&clipped", "shown"])
+        + call("advance", ["hat", now, "d", "p"], ["next"])
+        + f"    if ((gt_all_finite(command, {forces}) == 0) || (gt_all_finite(&clipped, 1) == 0)\n"
+        f"        || (gt_all_finite(shown, {shown}) == 0) || (gt_all_finite(next, {n}) == 0)) {{\n"
+        "        return GT_NOT_FINITE;\n    }\n"
+        + _scattered(c.commands, "command") + _scattered(c.shown, "shown")
+        + "    out->clipped = clipped;\n    out->cost = (gt_all_finite(&found.cost, 1) != 0) ? found.cost : 0.0;\n"
+        "    out->iterations = found.iterations;\n    out->failed = failed;\n    out->lost = lost;\n"
+        f"    gt_copy(state->x, next, {n});\n{queue}    state->lost = lost;\n    state->failed = failed;\n"
+        "    state->begun = 1;\n"
+        + (f"    gt_copy(state->d, d, {nd});\n" if nd else "")
+        + f"    gt_copy(state->plan_x, plan_x, {(count + 1) * n});\n"
+        f"    gt_copy(state->plan_v, plan_v, {count * m});\n"
+        + (f"    gt_copy(state->sides, start, {of.sides});\n" if of.sides else "")
+        + "    return GT_OK;\n}\n\n"
+    )  # fmt: skip
+
+
+def _scattered(members: Any, source: str) -> str:
+    lines, first = [], 0
+    for k in members:
+        lines.append(f"    gt_copy({k.address('out->')}, &{source}[{first}], {k.count});\n")
+        first += k.count
+    return "".join(lines)

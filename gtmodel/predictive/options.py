@@ -1,0 +1,64 @@
+"""Options of a predictive controller, and of its measurements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from ..results.options import Options, Unit, Within
+from ..results.refusal import ArgumentError
+
+FOREVER = 1e300  # a jump that is never exceeded
+
+
+@dataclass(frozen=True)
+class ControlHorizon(Options):
+    """Stages of a predictive controller, its period, and the bounds of its work.
+
+    A stage may be longer than the period: in each cycle the last plan is moved on by one period.
+
+    >>> gt.predictive.ControlHorizon(period=0.004, stages=40, length=0.01).delay
+    0
+    >>> gt.predictive.ControlHorizon(period=0.02, stages=40, length=0.01)
+    Traceback (most recent call last):
+    gtmodel.results.refusal.ArgumentError: length: expected at least the period of 0.02 s; found 0.01
+    """
+
+    period: Annotated[float, Unit("s"), Within(above=0.0), "of the loop"]
+    stages: Annotated[int, Within(least=1), "of the horizon"]
+    length: Annotated[float | None, Unit("s"), Within(above=0.0), "of a stage; the period if left out"] = None
+    steps: Annotated[int, Within(least=1), "Runge-Kutta steps of fourth order in a stage"] = 1
+    delay: Annotated[int, Within(least=0), "cycles from a measurement to the force of the same cycle"] = 0
+    preview: Annotated[bool, "references of every stage are given, not one for all of them"] = False
+    causality: Annotated[
+        Literal["auto", "explicit", "inverse"],
+        "inputs of the stages: explicit: those of the model; inverse: accelerations, with the model's inputs as rows",
+    ] = "auto"
+    terminal: Annotated[bool, "cost after the horizon, by the Riccati equation at the targets"] = True
+    max_iterations: Annotated[int, Within(least=1), "of the interior point method in a cycle"] = 25
+    tolerance: Annotated[float, Within(above=0.0), "of the quadratic programs, relative to 1 + cost"] = 1e-6
+    patience: Annotated[int, Within(least=0), "cycles in a row without a measurement, or without a solution"] = 10
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.length is not None and self.length < self.period:
+            raise ArgumentError(f"expected at least the period of {self.period:g} s; found {self.length:g}", "length")
+
+    @property
+    def stage(self) -> float:
+        """Length of a stage [s]."""
+        return self.period if self.length is None else self.length
+
+
+@dataclass(frozen=True)
+class Measurement(Options):
+    """A measured variable of a predictive controller, in its SI unit.
+
+    deviation: standard deviation of one reading. jump: a reading further away from the prediction is left out.
+
+    >>> gt.predictive.Measurement(deviation=1e-5, jump=0.01).deviation
+    1e-05
+    """
+
+    deviation: Annotated[float, Within(above=0.0), "standard deviation of one reading"]
+    jump: Annotated[float, Within(above=0.0), "a reading further away from the prediction is left out"] = FOREVER
