@@ -1,0 +1,235 @@
+"""The study of a certificate: what holds at every point of a box, proved by interval arithmetic."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Annotated, Any, Literal, Unpack
+
+import numpy as np
+
+from ..cgen.interface import box_of, check_names
+from ..cgen.real import real_of
+from ..compiler.causal import CausalFunction
+from ..results import ArgumentError, SolveStatus, Work, at_least
+from ..results.options import Within
+from ..results.table import csv_text
+from ..results.work import WorkOptions, study_function
+from .certificate import ASSUMPTIONS, WORDS, BoxCertificate
+from .claims import REGULAR, STATUS, Claim, bound_claims, entries
+from .closed_form import ClosedFormProver
+from .intervals import Array
+from .subdivision import PROVED, REFUTED, UNDECIDED, Leaves, sharpened, subdivide
+
+SHARPENING = 2000  # boxes spent on sharper bounds of errors and values
+
+
+@study_function
+def study(
+    function: CausalFunction,
+    box: Mapping[str, Sequence[Sequence[float]]],
+    *,
+    bounds: Mapping[str, Sequence[Sequence[float]]] | None = None,
+    regular: bool = False,
+    real: Literal["double", "float"] = "double",
+    max_boxes: Annotated[int, Within(least=1)] = 100_000,
+    **work_options: Unpack[WorkOptions],
+) -> BoxCertificate:
+    """Prove that a closed form has a solution at every point of a box, and bound its round-off there.
+
+    Args:
+        function: a closed form.
+        box: intervals by name of every input, such as {"T": [[0, 0.8], [-1, -0.6], [0, 0.5]]}; one for each number, or
+            one for all.
+        bounds: intervals in which outputs must stay, by name, such as strokes {"q": [[-2.0, 0.0]]}.
+        regular: also prove that the Jacobian of the outputs by the inputs is regular, so that no pose inside is
+            singular; for as many outputs as inputs.
+        real: number type of the code whose status is proved.
+        max_boxes: largest number of boxes to examine.
+        title, progress, max_seconds, stop: see `gtmodel.results.Work`.
+
+    The status is CHECK_FAILED unless all is proved in the whole box. What was refuted is named with a point that was
+    evaluated; what stays open is undecided, with its share of the volume. Nothing rests on samples. Raises
+    ArgumentError, for example for an operation without an interval extension.
+
+    >>> ik = gt.robots.gantry_tau("l1_tape").causal(known="T", targets="q")
+    >>> s = gt.certify.study(ik, {"T": [[0.0, 0.8], [-1.1, -0.7], [0.05, 0.55]]}, regular=True)
+    >>> s.proved, s.claims["status OK"]
+    (1.0, 'proved')
+    >>> s.errors["q[0]"] < 2e-15  # m, round-off of the computed position anywhere in the box
+    True
+    """
+    work = Work(**work_options)
+    lo, hi = _box(function, box)
+    if function.kernels:
+        raise ArgumentError(
+            f"{function.name} solves {len(function.kernels)} block by Newton's method; give a closed form", "function"
+        )
+    if regular and sum(s.size for s in function.outputs) != len(lo):
+        raise ArgumentError(
+            f"a regular Jacobian needs as many outputs as inputs; {function.name} has "
+            f"{sum(s.size for s in function.outputs)} and {len(lo)}", "regular"
+        )  # fmt: skip
+    prover = ClosedFormProver(function, bound_claims(function, bounds or {}), regular, real_of(real))
+
+    def going(share: float, boxes: int) -> bool:
+        work.progress("cutting boxes", share, {"boxes": boxes})
+        return not work.interrupted()
+
+    leaves = subdivide(prover, lo, hi, max_boxes, going)
+    return _study_of(prover, leaves, lo, hi, work, max_boxes)
+
+
+def _box(function: CausalFunction, box: Mapping[str, Sequence[Sequence[float]]]) -> tuple[Array, Array]:
+    """Return the corners (inputs,) of the box. Raises ArgumentError."""
+    check_names({function.name: function}, box)
+    intervals = box_of(function, box)
+    if intervals is None:
+        if function.plan.uses_time:
+            raise ArgumentError(f"{function.name} depends on the time, which no box bounds", "function")
+        lacking = ", ".join(s.name for s in function.inputs if s.name not in box)
+        raise ArgumentError(f"the box gives no interval for {lacking}", "box")
+    if not intervals:
+        raise ArgumentError(f"{function.name} has no inputs, so there is no box; call it", "function")
+    lo, hi = np.array(intervals).T
+    return lo, hi
+
+
+def _study_of(
+    prover: ClosedFormProver, leaves: Leaves, lo: Array, hi: Array, work: Work, max_boxes: int
+) -> BoxCertificate:
+    verdicts, function = leaves.verdicts, prover.function
+    good = verdicts == PROVED
+    names, targets = entries(function.inputs), entries(function.outputs)
+    errors, single, ranges = _bounds(prover, leaves, good, hi > lo)
+    volumes = {v: leaves.volume(v) for v in WORDS}
+    turned = _opposite(prover, leaves) if any(c.kind == REGULAR for c in prover.claims) else None
+    claims, points = _claims(prover.claims, leaves, names, turned)
+    least = None
+    if leaves.worst.size and good.any():
+        least = float(-leaves.worst[0, good].max())
+    open_ = next((f"{name}: {word}" for name, word in [*claims.items()][1:] if word != WORDS[PROVED]), "")
+    advice = f"{open_}; use a smaller box" + ("" if points else ", or a larger max_boxes")
+    stopped = not leaves.complete
+    return BoxCertificate(
+        status=SolveStatus.INTERRUPTED if stopped else SolveStatus.SOLVED,
+        message=f"stopped with {100 * volumes[UNDECIDED]:.3g} % of the volume undecided" if stopped else "",
+        title=work.title,
+        checks={"proved": at_least(volumes[PROVED], 1.0, advice)},
+        proved=volumes[PROVED], refuted=volumes[REFUTED], undecided=volumes[UNDECIDED], boxes=leaves.examined,
+        claims=claims, counter_examples=points,
+        errors=dict(zip(targets, errors, strict=True)), float_errors=dict(zip(targets, single, strict=True)),
+        ranges=dict(zip(targets, ranges, strict=True)), least_singular_value=least,
+        box={n: [float(a), float(b)] for n, a, b in zip(names, lo, hi, strict=True)},
+        real=prover.real.name, assumptions=ASSUMPTIONS,
+        figures={"boxes": partial(_figure, function, leaves, volumes, lo, hi, points, work.title)},
+        files={"boxes.csv": _table(prover.claims, leaves, names)},
+    )  # fmt: skip
+
+
+def _bounds(
+    prover: ClosedFormProver, leaves: Leaves, good: Array, wide: Array
+) -> tuple[list[Any], list[Any], list[Any]]:
+    """Return error bounds in double and in float, and ranges of the outputs, over the proved boxes; None if unknown."""
+    if not good.any():
+        none = [None] * prover.targets
+        return none, none, none
+    worst = sharpened(prover.measures, leaves.lo[:, good], leaves.hi[:, good], np.flatnonzero(wide), SHARPENING)
+    double, single, high, low = worst.reshape(4, prover.targets)
+    errors, singles = ([float(x) if np.isfinite(x) else None for x in row] for row in (double, single))
+    pairs = [
+        [float(-a), float(b)] if np.isfinite(a) and np.isfinite(b) else None for a, b in zip(low, high, strict=True)
+    ]
+    return errors, singles, pairs
+
+
+def _claims(
+    claims: Sequence[Claim], leaves: Leaves, names: Sequence[str], turned: tuple[Array, Array] | None
+) -> tuple[dict[str, str], list[dict[str, Any]]]:
+    """Return the verdict of each claim in words, first those of the status together, and the counter-examples."""
+    words: dict[str, str] = {}
+    points: list[dict[str, Any]] = []
+    verdicts: list[int] = []
+    for k, claim in enumerate(claims):
+        states, point = leaves.states[k], leaves.violated[k]
+        share = float(leaves.share[states != 1].sum())
+        refuted = point is not None or bool((states < 0).any())
+        verdicts.append(REFUTED if refuted else PROVED if share == 0 else UNDECIDED)
+        if claim.kind == REGULAR and turned is not None and not refuted:
+            verdicts[-1] = REFUTED
+            words[claim.name] = (
+                f"refuted: its determinant has opposite signs at {_at(names, turned[0])} and {_at(names, turned[1])}"
+            )
+            continue
+        where = "" if point is None else f" at {_at(names, point)}"
+        words[claim.name] = (
+            f"refuted{where}"
+            if refuted
+            else WORDS[PROVED]
+            if share == 0
+            else f"undecided in {100 * share:.3g} % of the volume"
+        )
+        if point is not None:
+            points.append({"claim": claim.name, "point": dict(zip(names, point.tolist(), strict=True))})
+    status = [v for v, c in zip(verdicts, claims, strict=True) if c.kind == STATUS]
+    rows = np.array([c.kind == STATUS for c in claims])
+    share = float(leaves.share[~(leaves.states[rows] > 0).all(axis=0)].sum())
+    together = (
+        WORDS[REFUTED]
+        if REFUTED in status
+        else WORDS[PROVED]
+        if share == 0
+        else f"undecided in {100 * share:.3g} % of the volume"
+    )
+    return {"status OK": together, **words}, points
+
+
+def _at(names: Sequence[str], point: Array) -> str:
+    return "(" + ", ".join(f"{n} = {x:.6g}" for n, x in zip(names, point, strict=True)) + ")"
+
+
+def _opposite(prover: ClosedFormProver, leaves: Leaves) -> tuple[Array, Array] | None:
+    """Return two points at which the determinant of the Jacobian has opposite signs, both certain, or None. The status
+    is OK everywhere, so the determinant has a zero between them."""
+    rows = [k for k, c in enumerate(prover.claims) if c.kind == STATUS]
+    if not (leaves.states[rows] > 0).all():
+        return None
+    middle = 0.5 * (leaves.lo + leaves.hi)
+    signs = prover.sign(middle)
+    ends = [np.flatnonzero(signs == s) for s in (1.0, -1.0)]
+    return None if not all(e.size for e in ends) else (middle[:, ends[0][0]], middle[:, ends[1][0]])
+
+
+def _table(claims: Sequence[Claim], leaves: Leaves, names: Sequence[str]) -> str:
+    """boxes.csv: the corners with all digits, the verdict, and the first claim that is not proved."""
+    columns: dict[str, Any] = {}
+    for k, name in enumerate(names):
+        columns[f"{name}_low"], columns[f"{name}_high"] = leaves.lo[k], leaves.hi[k]
+    columns["verdict"] = [WORDS[int(v)] for v in leaves.verdicts]
+    open_ = leaves.states <= 0
+    columns["open_claim"] = [claims[int(np.argmax(o))].name if o.any() else "" for o in open_.T]
+    return csv_text(columns, 17)
+
+
+def _figure(
+    function: CausalFunction,
+    leaves: Leaves,
+    volumes: dict[int, float],
+    lo: Array,
+    hi: Array,
+    points: list[dict[str, Any]],
+    title: str,
+) -> Any:
+    from ..plot.certificate import boxes_figure
+
+    names = entries(function.inputs)
+    units = [s.unit for s in function.inputs for _ in range(s.size)]
+    cuts = [len(np.unique(row)) if b > a else 0 for row, a, b in zip(leaves.lo, lo, hi, strict=True)]
+    order = sorted(range(len(lo)), key=lambda k: (-cuts[k], k))[:2]
+    pair = sorted(order) if len(order) == 2 else [order[0], order[0]]
+    places = np.array([[p["point"][names[k]] for p in points] for k in pair]).reshape(2, -1)
+    first, second = (f"{names[k]} [{units[k]}]" for k in pair)
+    return boxes_figure(
+        leaves.lo[pair], leaves.hi[pair], leaves.verdicts, volumes, names=(first, second), points=places,
+        title=f"{title or function.name}: what holds in the box",
+    )  # fmt: skip
