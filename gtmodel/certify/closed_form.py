@@ -16,7 +16,7 @@ from .intervals import Array, Interval
 from .regularity import least_singular_value
 from .rounding import ARITHMETICS, GROWN, Arithmetic
 from .subdivision import Decision
-from .tape import IntervalTape, MeanValue, chosen_and_slopes
+from .tape import IntervalTape, MeanValue, with_jacobian
 
 FINITE = Claim(STATUS, "finite results")
 SMALL = Claim(STATUS, "inputs of a size at which round-off stays small")
@@ -39,7 +39,7 @@ class ClosedFormProver:
         self.targets = sum(s.size for s in function.outputs)
         self._used = sorted({c.output for c in self.rows})
         self._centred = MeanValue(self.tape, self._used)
-        self._jacobian = IntervalTape(chosen_and_slopes(self.tape, range(self.targets))[1]) if regular else None
+        self._jacobian = IntervalTape(with_jacobian(self.tape, range(self.targets))[1]) if regular else None
         self._curved = None if self._jacobian is None else MeanValue(self._jacobian, range(self._jacobian.outputs))
 
     def decide(self, lo: Array, hi: Array) -> Decision:

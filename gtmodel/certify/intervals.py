@@ -241,7 +241,7 @@ def _monotone(f: Callable[[Array], Array]) -> Callable[[Interval], Interval]:
 def _judged(yes: Array, no: Array, *used: Interval) -> Interval:
     """1 where certain, 0 where impossible, else both; NaN if an operand is undefined."""
     lo, hi = np.where(yes, 1.0, 0.0), np.where(no, 0.0, 1.0)
-    bad = np.logical_or.reduce([np.isnan(u.lo) for u in used])
+    bad = np.logical_or.reduce(np.broadcast_arrays(*[np.isnan(u.lo) for u in used]))
     return Interval(np.where(bad, np.nan, lo), np.where(bad, np.nan, hi))
 
 

@@ -197,19 +197,19 @@ def _applied(
     return (checked(np.where(bad, np.nan, x.lo), np.where(bad, np.nan, x.hi)) if bad.any() else x), e, smooth
 
 
-def chosen_and_slopes(tape: IntervalTape, outputs: Sequence[int]) -> tuple[ca.Function, ca.Function]:
+def with_jacobian(tape: IntervalTape, outputs: Sequence[int]) -> tuple[ca.Function, ca.Function]:
     """Return chosen outputs of a tape as one column, and their derivatives (outputs, inputs)."""
     f = tape.function
     symbols = f.sx_in()
     entries = ca.vertcat(*[ca.vec(ca.densify(r)) for r in f.call(symbols)])
     wanted = ca.SX(entries[list(outputs)]) if outputs else ca.SX(0, 1)
     # structural nonzeros of all arguments, in the order of the tape
-    column = ca.vertcat(*[ca.SX(s.nonzeros()) for s in symbols if s.nnz()])
+    column = ca.vertcat(*[s[:] for s in symbols if s.nnz()])
     slope = ca.densify(ca.jacobian(wanted, column))
     name = f.name()
     return (
         ca.Function(f"{name}_chosen", [column], ca.cse([ca.densify(wanted)])),
-        ca.Function(f"{name}_slopes", [column], ca.cse([slope])),
+        ca.Function(f"{name}_jacobian", [column], ca.cse([slope])),
     )
 
 
@@ -220,14 +220,14 @@ class MeanValue:
     """
 
     def __init__(self, tape: IntervalTape, outputs: Sequence[int]) -> None:
-        chosen, slope = chosen_and_slopes(tape, outputs)
+        chosen, slope = with_jacobian(tape, outputs)
         self.count, self.inputs = len(outputs), tape.inputs
         self._value, self.slope = IntervalTape(chosen), IntervalTape(slope)
 
     def slopes(self, lo: Array, hi: Array) -> Interval:
         """Return the Jacobian over boxes, (m, inputs, n)."""
         e = self.slope.over(lo, hi)
-        shape = (self.inputs, self.count, -1)
+        shape = (self.inputs, self.count, lo.shape[1])
         return Interval(*(x.reshape(shape).transpose(1, 0, 2) for x in (e.lo, e.hi)))
 
     def over(self, lo: Array, hi: Array) -> tuple[Interval, Interval]:
