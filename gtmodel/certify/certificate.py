@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from ..results import Quantity, Row, Study, listed
+from ..results import Options, Quantity, Row, Study, Unit, Within, listed
 from .intervals import LIBM_ULP
 from .subdivision import PROVED, REFUTED, UNDECIDED
 
@@ -20,6 +20,18 @@ ASSUMPTIONS = (
     "inputs are exact: the box holds the numbers that the function is given",
 )
 _SHOWN = 12  # rows of the table for single outputs
+
+
+@dataclass(frozen=True)
+class Moving(Options):
+    """Inputs that move between two calls of code with Newton's method, which starts at the last answer.
+
+    >>> gt.certify.Moving(speed={"T": 1.0}, period=0.004)
+    Moving(speed={'T': 1.0}, period=0.004)
+    """
+
+    speed: Annotated[dict[str, float], "largest speed of every number of an input, by name [its unit/s]"]
+    period: Annotated[float, Unit("s"), Within(above=0.0), "time between two calls"] = 0.004
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -38,6 +50,9 @@ class BoxCertificate(Study):
     least_singular_value: Annotated[
         float | None, "lower bound of the smallest singular value of the Jacobian [SI]; null if not asked for"
     ]
+    steps: Annotated[
+        int | None, "steps of Newton's method until round-off, at most; null for closed forms and without a motion"
+    ]
     box: Annotated[Mapping[str, Sequence[float]], "least and greatest value of each input [SI]"]
     real: Annotated[str, "number type of the code whose status is proved"]
     assumptions: Annotated[Sequence[str], "what the proof assumes, in sentences"]
@@ -54,6 +69,8 @@ class BoxCertificate(Study):
         ]
         if self.least_singular_value is not None:
             rows.append(Row("smallest singular value of the Jacobian, at least", self.least_singular_value))
+        if self.steps is not None:
+            rows.append(Row("steps of Newton's method, at most", self.steps))
         for name in list(self.errors)[:_SHOWN]:
             error, single, range_ = self.errors[name], self.float_errors[name], self.ranges[name]
             if range_ is not None:

@@ -15,13 +15,12 @@ from ..results import ArgumentError, SolveStatus, Work, at_least
 from ..results.options import Within
 from ..results.table import csv_text
 from ..results.work import WorkOptions, study_function
-from .certificate import ASSUMPTIONS, WORDS, BoxCertificate
+from .certificate import ASSUMPTIONS, WORDS, BoxCertificate, Moving
 from .claims import REGULAR, STATUS, Claim, bound_claims, entries
 from .closed_form import ClosedFormProver
 from .intervals import Array
-from .subdivision import PROVED, REFUTED, UNDECIDED, Leaves, sharpened, subdivide
-
-SHARPENING = 2000  # boxes spent on sharper bounds of errors and values
+from .newton_form import NewtonProver
+from .subdivision import PROVED, REFUTED, UNDECIDED, Leaves, subdivide
 
 
 @study_function
@@ -31,19 +30,22 @@ def study(
     *,
     bounds: Mapping[str, Sequence[Sequence[float]]] | None = None,
     regular: bool = False,
+    moving: Moving | None = None,
     real: Literal["double", "float"] = "double",
     max_boxes: Annotated[int, Within(least=1)] = 100_000,
     **work_options: Unpack[WorkOptions],
 ) -> BoxCertificate:
-    """Prove that a closed form has a solution at every point of a box, and bound its round-off there.
+    """Prove that a function has a solution at every point of a box, and bound the errors of its code there.
 
     Args:
-        function: a closed form.
+        function: a closed form, or a function with one Newton block.
         box: intervals by name of every input, such as {"T": [[0, 0.8], [-1, -0.6], [0, 0.5]]}; one for each number, or
             one for all.
         bounds: intervals in which outputs must stay, by name, such as strokes {"q": [[-2.0, 0.0]]}.
         regular: also prove that the Jacobian of the outputs by the inputs is regular, so that no pose inside is
             singular; for as many outputs as inputs.
+        moving: for a Newton block: prove also that the code in C, started at its last answer, returns GT_OK and the
+            solution up to round-off. Without it, errors are bounded by the tolerance of the code.
         real: number type of the code whose status is proved.
         max_boxes: largest number of boxes to examine.
         title, progress, max_seconds, stop: see `gtmodel.results.Work`.
@@ -61,16 +63,22 @@ def study(
     """
     work = Work(**work_options)
     lo, hi = _box(function, box)
+    claims = bound_claims(function, bounds or {})
+    prover: ClosedFormProver | NewtonProver
     if function.kernels:
-        raise ArgumentError(
-            f"{function.name} solves {len(function.kernels)} block by Newton's method; give a closed form", "function"
-        )
-    if regular and sum(s.size for s in function.outputs) != len(lo):
-        raise ArgumentError(
-            f"a regular Jacobian needs as many outputs as inputs; {function.name} has "
-            f"{sum(s.size for s in function.outputs)} and {len(lo)}", "regular"
-        )  # fmt: skip
-    prover = ClosedFormProver(function, bound_claims(function, bounds or {}), regular, real_of(real))
+        if regular or real != "double":
+            argument = "regular" if regular else "real"
+            raise ArgumentError(f"{function.name} has a Newton block; {argument} is for closed forms", argument)
+        prover = NewtonProver(function, claims, None if moving is None else _away(function, moving))
+    else:
+        if moving is not None:
+            raise ArgumentError(f"{function.name} is a closed form, which has no last answer; leave it out", "moving")
+        if regular and sum(s.size for s in function.outputs) != len(lo):
+            raise ArgumentError(
+                f"a regular Jacobian needs as many outputs as inputs; {function.name} has "
+                f"{sum(s.size for s in function.outputs)} and {len(lo)}", "regular"
+            )  # fmt: skip
+        prover = ClosedFormProver(function, claims, regular, real_of(real))
 
     def going(share: float, boxes: int) -> bool:
         work.progress("cutting boxes", share, {"boxes": boxes})
@@ -78,6 +86,14 @@ def study(
 
     leaves = subdivide(prover, lo, hi, max_boxes, going)
     return _study_of(prover, leaves, lo, hi, work, max_boxes)
+
+
+def _away(function: CausalFunction, moving: Moving) -> Array:
+    """Return how far each input moves in a period. Raises ArgumentError."""
+    names = [s.name for s in function.inputs]
+    if set(moving.speed) != set(names) or not all(0 <= v < np.inf for v in moving.speed.values()):
+        raise ArgumentError(f"give a speed of at least zero for each of {', '.join(names)}", "moving.speed")
+    return np.array([moving.speed[s.name] * moving.period for s in function.inputs for _ in range(s.size)])
 
 
 def _box(function: CausalFunction, box: Mapping[str, Sequence[Sequence[float]]]) -> tuple[Array, Array]:
@@ -96,17 +112,19 @@ def _box(function: CausalFunction, box: Mapping[str, Sequence[Sequence[float]]])
 
 
 def _study_of(
-    prover: ClosedFormProver, leaves: Leaves, lo: Array, hi: Array, work: Work, max_boxes: int
+    prover: ClosedFormProver | NewtonProver, leaves: Leaves, lo: Array, hi: Array, work: Work, max_boxes: int
 ) -> BoxCertificate:
     verdicts, function = leaves.verdicts, prover.function
     good = verdicts == PROVED
     names, targets = entries(function.inputs), entries(function.outputs)
     errors, single, ranges = _bounds(prover, leaves, good, hi > lo)
     volumes = {v: leaves.volume(v) for v in WORDS}
-    turned = _opposite(prover, leaves) if any(c.kind == REGULAR for c in prover.claims) else None
+    turned = _opposite(prover, leaves) if isinstance(prover, ClosedFormProver) and prover.regular else None
     claims, points = _claims(prover.claims, leaves, names, turned)
-    least = None
-    if leaves.worst.size and good.any():
+    least = steps = None
+    if isinstance(prover, NewtonProver):
+        steps = int(leaves.worst[-1, good].max()) if prover.away is not None and good.any() else None
+    elif prover.regular and good.any():
         least = float(-leaves.worst[0, good].max())
     open_ = next((f"{name}: {word}" for name, word in [*claims.items()][1:] if word != WORDS[PROVED]), "")
     advice = f"{open_}; use a smaller box" + ("" if points else ", or a larger max_boxes")
@@ -119,7 +137,7 @@ def _study_of(
         proved=volumes[PROVED], refuted=volumes[REFUTED], undecided=volumes[UNDECIDED], boxes=leaves.examined,
         claims=claims, counter_examples=points,
         errors=dict(zip(targets, errors, strict=True)), float_errors=dict(zip(targets, single, strict=True)),
-        ranges=dict(zip(targets, ranges, strict=True)), least_singular_value=least,
+        ranges=dict(zip(targets, ranges, strict=True)), least_singular_value=least, steps=steps,
         box={n: [float(a), float(b)] for n, a, b in zip(names, lo, hi, strict=True)},
         real=prover.real.name, assumptions=ASSUMPTIONS,
         figures={"boxes": partial(_figure, function, leaves, volumes, lo, hi, points, work.title)},
@@ -128,14 +146,13 @@ def _study_of(
 
 
 def _bounds(
-    prover: ClosedFormProver, leaves: Leaves, good: Array, wide: Array
+    prover: ClosedFormProver | NewtonProver, leaves: Leaves, good: Array, wide: Array
 ) -> tuple[list[Any], list[Any], list[Any]]:
     """Return error bounds in double and in float, and ranges of the outputs, over the proved boxes; None if unknown."""
     if not good.any():
         none = [None] * prover.targets
         return none, none, none
-    worst = sharpened(prover.measures, leaves.lo[:, good], leaves.hi[:, good], np.flatnonzero(wide), SHARPENING)
-    double, single, high, low = worst.reshape(4, prover.targets)
+    double, single, high, low = prover.bounds(leaves, good, wide)
     errors, singles = ([float(x) if np.isfinite(x) else None for x in row] for row in (double, single))
     pairs = [
         [float(-a), float(b)] if np.isfinite(a) and np.isfinite(b) else None for a, b in zip(low, high, strict=True)

@@ -49,10 +49,11 @@ class Claim:
 def status_claims(function: CausalFunction, real: Real = DOUBLE) -> list[Claim]:
     """Return the claims that together make the status OK, apart from finite outputs and the size of the inputs."""
     first = sum(s.size for s in function.outputs)
-    return [_of_margin(m, first + k, real) for k, m in enumerate(function.margins)]
+    return [of_margin(m, first + k, real) for k, m in enumerate(function.margins)]
 
 
-def _of_margin(margin: Margin, output: int, real: Real) -> Claim:
+def of_margin(margin: Margin, output: int, real: Real) -> Claim:
+    """Return the claim that a margin, which is this output, leaves the status OK."""
     assert margin.kind in VERDICTS
     name = _WORDS[margin.kind].format(margin.label)
     if margin.kind not in ("pivot", "branch"):

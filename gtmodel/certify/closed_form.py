@@ -15,9 +15,10 @@ from .claims import REGULAR, STATUS, Claim, status_claims
 from .intervals import Array, Interval
 from .regularity import least_singular_value
 from .rounding import ARITHMETICS, GROWN, Arithmetic
-from .subdivision import Decision
+from .subdivision import Decision, Leaves, sharpened
 from .tape import IntervalTape, MeanValue, with_jacobian
 
+SHARPENING = 2000  # boxes spent on sharper bounds of errors and values
 FINITE = Claim(STATUS, "finite results")
 SMALL = Claim(STATUS, "inputs of a size at which round-off stays small")
 NONSINGULAR = Claim(REGULAR, "a regular Jacobian of the outputs by the inputs")
@@ -30,7 +31,7 @@ class ClosedFormProver:
     def __init__(
         self, function: CausalFunction, bounds: Sequence[Claim], regular: bool = False, real: Real = REAL_DOUBLE
     ) -> None:
-        self.function, self.real = function, real
+        self.function, self.real, self.regular = function, real, regular
         self.arithmetic: Arithmetic = ARITHMETICS[real.name]
         self.sizes: Sizes = function.sizes_in(real.precision)
         self.tape = IntervalTape(function.closed)
@@ -82,17 +83,9 @@ class ClosedFormProver:
             least, most = np.nextafter(least, -np.inf), np.nextafter(most, np.inf)
         rows = [c.states(least[c.output], most[c.output]) for c in self.rows]
         finite = np.isfinite(least[: self.targets]).all(axis=0) & np.isfinite(most[: self.targets]).all(axis=0)
-        return np.array([self._small(lo, hi), *rows, finite.astype(int)]), e.undefined
-
-    def _small(self, lo: Array, hi: Array) -> Array:
-        largest = np.maximum(np.abs(lo), np.abs(hi))
-        with np.errstate(over="ignore"):
-            total, first = np.zeros(lo.shape[1]), 0
-            for signal, limit in zip(self._inputs, self.sizes.limits, strict=True):
-                total += self.sizes.most / limit**2 * (largest[first : first + signal] ** 2).sum(axis=0)
-                first += signal
-            slack = 1.0 + 8.0 * (len(lo) + 2) * self.arithmetic.unit
-            return (total * slack <= self.sizes.most).astype(int)
+        return np.array(
+            [inputs_are_small(self.sizes, self._inputs, lo, hi, self.arithmetic), *rows, finite.astype(int)]
+        ), e.undefined
 
     @property
     def _inputs(self) -> list[int]:
@@ -169,7 +162,14 @@ class ClosedFormProver:
         states = np.array([small, *rows, finite])
         return states if self._jacobian is None else np.vstack([states, np.zeros((1, points.shape[1]), dtype=int)])
 
-    def measures(self, lo: Array, hi: Array) -> Array:
+    def bounds(self, leaves: Leaves, good: Array, wide: Array) -> tuple[Array, Array, Array, Array]:
+        """Return greatest errors in double and in float, greatest and negative least values of the targets over the
+        chosen boxes, made sharper by halving these along the `wide` sides."""
+        lo, hi = leaves.lo[:, good], leaves.hi[:, good]
+        double, single, most, least = sharpened(self._measures, lo, hi, np.flatnonzero(wide), SHARPENING).reshape(4, -1)
+        return double, single, most, least
+
+    def _measures(self, lo: Array, hi: Array) -> Array:
         """Return (4 targets, n): bounds of the errors in double and in float, and of the values, greatest and negative
         least."""
         known = self._known(lo, hi)[0]
@@ -177,3 +177,15 @@ class ClosedFormProver:
         assert double.error is not None and single.error is not None
         t = slice(self.targets)
         return np.vstack([double.error[t], single.error[t], double.hi[t], -double.lo[t]])
+
+
+def inputs_are_small(sizes: Sizes, inputs: Sequence[int], lo: Array, hi: Array, arithmetic: Arithmetic) -> Array:
+    """Return 1 where all inputs of a box, `inputs` numbers in each argument, are within the limits of their sizes."""
+    largest = np.maximum(np.abs(lo), np.abs(hi))
+    with np.errstate(over="ignore"):
+        total, first = np.zeros(lo.shape[1]), 0
+        for count, limit in zip(inputs, sizes.limits, strict=True):
+            total += sizes.most / limit**2 * (largest[first : first + count] ** 2).sum(axis=0)
+            first += count
+    slack = 1.0 + 8.0 * (len(lo) + 2) * arithmetic.unit
+    return (total * slack <= sizes.most).astype(int)

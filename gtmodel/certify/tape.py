@@ -104,18 +104,30 @@ class IntervalTape:
         return np.array([bool(self.depends[step] >> k & 1) for k in range(self.inputs)])
 
     def over(
-        self, lo: Array, hi: Array, arithmetic: Arithmetic | None = None, known: Mapping[int, Interval] | None = None
+        self,
+        lo: Array,
+        hi: Array,
+        arithmetic: Arithmetic | None = None,
+        known: Mapping[int, Interval] | None = None,
+        given: Array | None = None,
     ) -> Enclosures:
         """Evaluate over boxes, lo and hi (inputs, n).
 
-        arithmetic: also bound the errors of the operations in this arithmetic; inputs are exact. known: enclosures of
-        the real values of outputs that are known already, infinite where nothing is; operations after them gain.
+        arithmetic: also bound the errors of the operations in this arithmetic, with inputs that are exact, or within
+        `given` (inputs, n). known: enclosures of the real values of outputs that are known already, infinite where
+        nothing is; operations after them gain.
         """
         parts = [slice(k, k + CHUNK) for k in range(0, max(lo.shape[1], 1), CHUNK)]
         narrowed = {self.sources[o]: x for o, x in (known or {}).items() if o in self.sources}
         with np.errstate(all="ignore"):
             results = [
-                self._over(lo[:, p], hi[:, p], arithmetic, {s: Interval(x.lo[p], x.hi[p]) for s, x in narrowed.items()})
+                self._over(
+                    lo[:, p],
+                    hi[:, p],
+                    arithmetic,
+                    {s: Interval(x.lo[p], x.hi[p]) for s, x in narrowed.items()},
+                    None if given is None else given[:, p],
+                )
                 for p in parts
             ]
         if len(results) == 1:
@@ -128,7 +140,12 @@ class IntervalTape:
         return Enclosures(joined[0], joined[1], errors, flags[0], flags[1])
 
     def _over(
-        self, lo: Array, hi: Array, arithmetic: Arithmetic | None, narrowed: Mapping[int, Interval]
+        self,
+        lo: Array,
+        hi: Array,
+        arithmetic: Arithmetic | None,
+        narrowed: Mapping[int, Interval],
+        given: Array | None,
     ) -> Enclosures:
         n = lo.shape[1]
         values: list[Interval | None] = []
@@ -146,11 +163,12 @@ class IntervalTape:
                 e = np.full(1, arithmetic.constant(s.constant)) if arithmetic else none
             elif s.op == ca.OP_INPUT:
                 x = Interval(lo[s.place], hi[s.place])
+                e = none if given is None or arithmetic is None else given[s.place]
             else:
-                given = [values[r] for r in s.reads]
+                operands = [values[r] for r in s.reads]
                 carried = [errors[r] for r in s.reads]
-                assert all(g is not None for g in given)
-                x, e, smooth = _applied(s.op, given, carried, arithmetic)  # type: ignore[arg-type]
+                assert all(x is not None for x in operands)
+                x, e, smooth = _applied(s.op, operands, carried, arithmetic)  # type: ignore[arg-type]
                 if smooth is not None:
                     continuous &= smooth
                 if k in narrowed:
