@@ -381,6 +381,26 @@ def codegen(
 
 
 @app.command()
+def certify(
+    context: typer.Context,
+    problem: Problem,
+    settings: Set = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write the result into this folder.", callback=_folder)
+    ] = None,
+    as_json: Json = False,
+    plot: Annotated[bool, typer.Option("--plot", help="Draw the boxes; into ./NAME-result without --out.")] = False,
+    max_seconds: Annotated[float | None, typer.Option(metavar="S", help="Time limit; the rest is undecided.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Prove what a problem of kind certificate claims at every point of its box; the same as solve.
+
+    Exit code 0 only if all is proved in the whole box.
+    """
+    solve(context, problem, settings, out, as_json, plot, max_seconds, quiet=quiet)
+
+
+@app.command()
 def loop(
     context: typer.Context,
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that gtmodel codegen wrote.")],

@@ -248,5 +248,5 @@ def _figure(
     first, second = (f"{names[k]} [{units[k]}]" for k in pair)
     return boxes_figure(
         leaves.lo[pair], leaves.hi[pair], leaves.verdicts, volumes, names=(first, second), points=places,
-        title=f"{title or function.name}: what holds in the box",
+        title=title or function.name,
     )  # fmt: skip
