@@ -358,6 +358,9 @@ def codegen(
     costs: Annotated[
         bool, typer.Option("--costs", help="Check, and measure machine code, stack and instructions of each function.")
     ] = False,
+    certify: Annotated[
+        bool, typer.Option("--certify", help="Prove the functions over their box; write certificate and checker.")
+    ] = False,
     fmu: Annotated[
         str | None,
         typer.Option("--fmu", metavar="3|2|both", help="Write functional mock-up units of FMI 3.0, 2.0 or both."),
@@ -376,7 +379,14 @@ def codegen(
         job = run.context_of(loaded)
         with terminal.watching(job, "stopping after this step", quiet=quiet):
             answer.finished = run.generate(
-                loaded, job, out, verify=check or costs, write_failed=write_failed, fmu=fmu, costs=costs
+                loaded,
+                job,
+                out,
+                verify=check or costs,
+                write_failed=write_failed,
+                fmu=fmu,
+                costs=costs,
+                certify=certify,
             )
 
 

@@ -26,12 +26,18 @@ NONSINGULAR = Claim(REGULAR, "a regular Jacobian of the outputs by the inputs")
 
 class ClosedFormProver:
     """A Prover for a closed form: its status in the arithmetic `real`, bounds of outputs and, with `regular`, a regular
-    Jacobian. The operations are those of `function.closed`, from which the C code is written."""
+    Jacobian. Without `centred`, natural evaluation alone decides. The operations are those of
+    `function.closed`, from which the C code is written."""
 
     def __init__(
-        self, function: CausalFunction, bounds: Sequence[Claim], regular: bool = False, real: Real = REAL_DOUBLE
+        self,
+        function: CausalFunction,
+        bounds: Sequence[Claim],
+        regular: bool = False,
+        real: Real = REAL_DOUBLE,
+        centred: bool = True,
     ) -> None:
-        self.function, self.real, self.regular = function, real, regular
+        self.function, self.real, self.regular, self._uses_centred = function, real, regular, centred
         self.arithmetic: Arithmetic = ARITHMETICS[real.name]
         self.sizes: Sizes = function.sizes_in(real.precision)
         self.tape = IntervalTape(function.closed)
@@ -50,7 +56,7 @@ class ClosedFormProver:
         states, undefined = self._natural(lo, hi, None)
         slopes = np.full((len(self._used), len(lo), n), np.nan)
         rest = np.flatnonzero(~(states > 0).all(axis=0))
-        if rest.size and self._used:
+        if rest.size and self._used and self._uses_centred:
             known, slope = self._known(lo[:, rest], hi[:, rest])
             slopes[:, :, rest] = slope.magnitude
             states[:, rest], undefined[rest] = self._natural(lo[:, rest], hi[:, rest], known)
@@ -166,13 +172,13 @@ class ClosedFormProver:
         """Return greatest errors in double and in float, greatest and negative least values of the targets over the
         chosen boxes, made sharper by halving these along the `wide` sides."""
         lo, hi = leaves.lo[:, good], leaves.hi[:, good]
-        double, single, most, least = sharpened(self._measures, lo, hi, np.flatnonzero(wide), SHARPENING).reshape(4, -1)
+        double, single, most, least = sharpened(self.measures, lo, hi, np.flatnonzero(wide), SHARPENING).reshape(4, -1)
         return double, single, most, least
 
-    def _measures(self, lo: Array, hi: Array) -> Array:
+    def measures(self, lo: Array, hi: Array) -> Array:
         """Return (4 targets, n): bounds of the errors in double and in float, and of the values, greatest and negative
         least."""
-        known = self._known(lo, hi)[0]
+        known = self._known(lo, hi)[0] if self._uses_centred else None
         double, single = (self.tape.over(lo, hi, a, known) for a in ARITHMETICS.values())
         assert double.error is not None and single.error is not None
         t = slice(self.targets)

@@ -34,6 +34,8 @@ ATTEMPTS = 3
 SHRINKING = 0.14
 # largest round-off of a step, in nominals: beside the limit below which the code lets steps grow
 QUIET = 5e-12
+# largest distance of an answer from the solution, in nominals, from which the next call may start
+ANSWER = 1e-9
 
 
 class NewtonProver:
@@ -74,7 +76,7 @@ class NewtonProver:
             middle, way = about(low, high)
             z = self._solutions(middle)
             region = _Region(self, middle, z, low, high, way)
-            start = region.motion(away) if self.away is not None else np.zeros(n)
+            start = region.motion(away) + ANSWER if self.away is not None else np.zeros(n)
             e = self._newton(region, start, low, high)
             states = [inputs_are_small(self.function.sizes, self._sizes, lo, hi, DOUBLE), region.proved.astype(int)]
             prepared = self._prepare.over(low, high, DOUBLE)
@@ -141,7 +143,7 @@ class NewtonProver:
         norm = self.limit.min()
         rest = region.row_sums(jacobian) * e * GROWN + noise
         good = (half * start + 2.0 * spoilt <= SHRINKING) & (start * (1.0 + SHRINKING) + quiet <= REACH)
-        good &= (quiet <= QUIET) & (rest <= norm) & (pivots > self.least * (1.0 + 2.0**-20) + perturbed)
+        good &= (quiet <= QUIET) & (e <= ANSWER) & (rest <= norm) & (pivots > self.least * (1.0 + 2.0**-20) + perturbed)
         assert CONTRACTION == 0.25
         region.reached = good & region.proved
         region.steps = np.minimum(steps + 1, STEPS)
@@ -211,12 +213,12 @@ class _Region:
         self._tube = add(point(z), along(self.tangents, way))
         J, Ja = self._jacobian(self._tube), self._jacobian_by_a(self._tube)
         C = point(self.inverse)
-        self._slant = product(C, add(product(J, point(M)), Ja))  # C dr/da along the tube: small
+        slant = product(C, add(product(J, point(M)), Ja))  # C dr/da along the tube: small
         at = np.vstack([z, middle])
         here = prover._residual.over(at, at)
         r0 = Interval(here.lo[:m].T[:, :, None], here.hi[:m].T[:, :, None])
         ways = Interval(way.lo.T[:, :, None], way.hi.T[:, :, None])
-        g = add(product(C, r0), product(self._slant, ways))
+        g = add(product(C, r0), product(slant, ways))
         floor = 1e-13 * prover.scale
         w = 2.0 * g.magnitude[:, :, 0] + floor
         self.proved, best = np.zeros(n, dtype=bool), np.full((n, m), np.nan)
@@ -261,9 +263,11 @@ class _Region:
     def motion(self, away: Array) -> Array:
         """Return how far the solution moves while the inputs move by `away`, in nominals: |M| and its change."""
         s = self.prover.scale
-        change = self._slant.magnitude / s[None, :, None]
+        J, M = self._jacobian(self.z), point(self.tangents.lo.transpose(2, 0, 1))
+        slant = product(point(self.inverse), add(product(J, M), self._jacobian_by_a(self.z)))
+        change = slant.magnitude / s[None, :, None]
         moved = ((np.abs(self.tangents.lo).transpose(2, 0, 1) / s[None, :, None]) @ away).max(axis=(1, 2))
-        more = (change @ away).max(axis=(1, 2)) / self._contraction(self._jacobian(self.z)) * GROWN
+        more = (change @ away).max(axis=(1, 2)) / self._contraction(J) * GROWN
         return (moved + more) * GROWN
 
     def curvature(self, form: MeanValue, z: Interval, jacobian: Interval) -> Array:

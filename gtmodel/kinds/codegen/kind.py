@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 
+from gtmodel.certify.code import statements
 from gtmodel.cgen import CodeStudy, StepFunction, study
 from gtmodel.cgen.folder import held
 from gtmodel.compiler.causal import CausalFunction, c_name, compile_causal
@@ -38,7 +40,7 @@ def call(problem: Schema, context: Context) -> Call:
 
 def write(
     problem: Schema, context: Context, out: Path, *, verify: bool = False, write_failed: bool = False,
-    fmu: str | None = None, costs: bool = False,
+    fmu: str | None = None, costs: bool = False, certify: bool = False,
 ) -> CodeStudy | FmuStudy:  # fmt: skip
     """Generate the code into `out`.
 
@@ -47,11 +49,13 @@ def write(
 
     fmu: "3", "2" or "both": functional mock-up units of these versions instead of C code.
     costs: with `verify`, also measure machine code, stack and instructions.
+    certify: prove the functions over their box, and write the certificate and its checker beside the code.
 
     Raises InputError for a wrong problem, ArgumentError for a folder with files that gtmodel did not write.
     """
-    if fmu is not None and costs:
-        raise InputError("--costs: only C code is measured, not a unit; leave out --fmu or --costs")
+    if fmu is not None and (costs or certify):
+        option = "--costs" if costs else "--certify"
+        raise InputError(f"{option}: is for C code, not for a unit; leave out --fmu or {option}")
     if fmu is not None:
         return _units(problem, context, out, fmu, verify, write_failed)
     with held(out) as folder:
@@ -64,9 +68,12 @@ def write(
         if not write_failed and not context.interrupted():
             refuse_distrusted(context, "the code")
         call_.options |= {"costs": costs} if verify else {"check": None}
-        return call_(
-            folder=folder, also=doubts(context), write_failed=write_failed, by="--write-failed", **context.work()
-        )
+        also = doubts(context)
+        if certify:
+            proved = statements(call_.arguments[0], problem.box, problem.real, context.clock())
+            also |= proved.checks
+            call_.options["beside"] = partial(proved.beside, call_.options["name"])
+        return call_(folder=folder, also=also, write_failed=write_failed, by="--write-failed", **context.work())
 
 
 def _units(problem: Schema, context: Context, out: Path, fmu: str, verify: bool, write_failed: bool) -> FmuStudy:
