@@ -42,8 +42,8 @@ def study(
         box: intervals by name of every input, such as {"T": [[0, 0.8], [-1, -0.6], [0, 0.5]]}; one for each number, or
             one for all.
         bounds: intervals in which outputs must stay, by name, such as strokes {"q": [[-2.0, 0.0]]}.
-        regular: also prove that the Jacobian of the outputs by the inputs is regular, so that no pose inside is
-            singular; for as many outputs as inputs.
+        regular: also prove that the Jacobian of the outputs by the inputs has full rank, so that no pose inside is
+            singular; for an arm, give all targets of the pose, such as T and R.
         moving: for a Newton block: prove also that the code in C, started at its last answer, returns GT_OK and the
             solution up to round-off. Without it, errors are bounded by the tolerance of the code.
         real: number type of the code whose status is proved.
@@ -73,11 +73,6 @@ def study(
     else:
         if moving is not None:
             raise ArgumentError(f"{function.name} is a closed form, which has no last answer; leave it out", "moving")
-        if regular and sum(s.size for s in function.outputs) != len(lo):
-            raise ArgumentError(
-                f"a regular Jacobian needs as many outputs as inputs; {function.name} has "
-                f"{sum(s.size for s in function.outputs)} and {len(lo)}", "regular"
-            )  # fmt: skip
         prover = ClosedFormProver(function, claims, regular, real_of(real))
 
     def going(share: float, boxes: int) -> bool:

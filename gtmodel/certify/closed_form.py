@@ -21,7 +21,7 @@ from .tape import IntervalTape, MeanValue, with_jacobian
 SHARPENING = 2000  # boxes spent on sharper bounds of errors and values
 FINITE = Claim(STATUS, "finite results")
 SMALL = Claim(STATUS, "inputs of a size at which round-off stays small")
-NONSINGULAR = Claim(REGULAR, "a regular Jacobian of the outputs by the inputs")
+NONSINGULAR = Claim(REGULAR, "a Jacobian of full rank, outputs by inputs")
 
 
 class ClosedFormProver:
@@ -101,24 +101,27 @@ class ClosedFormProver:
         """Return lower bounds (n,) of the smallest singular value; NaN where a singular pose cannot be excluded."""
         assert self._jacobian is not None and self._curved is not None
         e = self._jacobian.over(lo, hi)
-        least, _ = least_singular_value(self._square(e.lo, e.hi))
-        rest = np.flatnonzero(np.isnan(least) & ~np.isnan(e.lo).any(axis=0) & e.continuous)
+        least = least_singular_value(self._matrices(e.lo, e.hi))
+        rest = np.flatnonzero(~np.isnan(e.lo).any(axis=0) & e.continuous)
         if rest.size:
             values, _ = self._curved.over(lo[:, rest], hi[:, rest])
-            least[rest], _ = least_singular_value(self._square(values.lo, values.hi))
+            least[rest] = np.fmax(least[rest], least_singular_value(self._matrices(values.lo, values.hi)))
         return least
 
-    def _square(self, lo: Array, hi: Array) -> Interval:
-        """Return columns of a matrix (m * m, n), one column after the other, as (n, m, m)."""
-        m = self.targets
-        return Interval(*(x.reshape(m, m, -1).transpose(2, 1, 0) for x in (lo, hi)))
+    def _matrices(self, lo: Array, hi: Array) -> Interval:
+        """Return entries (targets * inputs, n), column after column, as matrices (n, targets, inputs)."""
+        shape = (self.tape.inputs, self.targets, -1)
+        return Interval(*(x.reshape(shape).transpose(2, 1, 0) for x in (lo, hi)))
 
     def sign(self, points: Array) -> Array:
-        """Return the sign of the determinant of the Jacobian at points, 0 if it is not certain."""
+        """Return the sign of the determinant of a square Jacobian at points, 0 if it is not certain."""
         assert self._jacobian is not None
         e = self._jacobian.over(points, points)
-        least, sign = least_singular_value(self._square(e.lo, e.hi))
-        return np.where(least > 0, sign, 0.0)
+        matrices = self._matrices(e.lo, e.hi)
+        if self.targets != self.tape.inputs:
+            return np.zeros(points.shape[1])
+        good = least_singular_value(matrices) > 0
+        return np.where(good, np.sign(np.linalg.det(np.where(good[:, None, None], matrices.lo, 0.0))), 0.0)
 
     def _sides(self, states: Array, slopes: Array, undefined: Array, width: Array) -> Array:
         """Return the side to halve: the one along which the open claims vary most."""

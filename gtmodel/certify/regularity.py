@@ -19,26 +19,13 @@ def product(a: Interval, b: Interval) -> Interval:
     return total
 
 
-def midpoint_inverses(matrices: Interval) -> Array:
-    """Return approximate inverses (n, m, m) of the midpoints; NaN without one."""
-    middle = 0.5 * (matrices.lo + matrices.hi)
-    result = np.full(middle.shape, np.nan)
-    good = np.isfinite(middle).all(axis=(1, 2))
-    try:
-        result[good] = np.linalg.inv(middle[good])
-    except np.linalg.LinAlgError:
-        for k in np.flatnonzero(good):
-            try:
-                result[k] = np.linalg.inv(middle[k])
-            except np.linalg.LinAlgError:
-                continue
-    return result
-
-
 def upper_norm(matrices: Array) -> Array:
-    """Return upper bounds (n,) of the spectral norm of matrices (n, m, m) with entries of at most these sizes."""
-    size = np.abs(matrices)
-    return np.sqrt(size.sum(axis=1).max(axis=1) * size.sum(axis=2).max(axis=1)) * GROWN
+    """Return upper bounds (n,) of the spectral norm of matrices (n, i, j) with entries of at most these sizes: the
+    eighth root of a row sum of (A A')^4, whose round-off is far below 1e-10 of its norm."""
+    square = matrices @ matrices.transpose(0, 2, 1)
+    for _ in range(2):
+        square = square @ square
+    return np.abs(square).sum(axis=2).max(axis=1) ** 0.125 * (1.0 + 1e-10)
 
 
 def remainder(inverses: Array, matrices: Interval) -> Interval:
@@ -46,17 +33,21 @@ def remainder(inverses: Array, matrices: Interval) -> Interval:
     return subtract(point(np.eye(inverses.shape[1])[None]), product(point(inverses), matrices))
 
 
-def least_singular_value(matrices: Interval) -> tuple[Array, Array]:
-    """Return lower bounds (n,) of the smallest singular value of all matrices (n, m, m) inside the intervals, and the
-    sign of their determinants; NaN where a singular one cannot be excluded."""
+def least_singular_value(matrices: Interval) -> Array:
+    """Return lower bounds (n,) of the smallest singular value of all matrices (n, i, j) inside the intervals; NaN where
+    one without full rank cannot be excluded."""
     with np.errstate(all="ignore"):
-        inverses = midpoint_inverses(matrices)
-        rest = remainder(inverses, matrices)
-        # |J^-1| <= |C| / (1 - |I - C J|)
-        spread = upper_norm(rest.magnitude)
+        middle = 0.5 * (matrices.lo + matrices.hi)
+        inverses = np.full((len(middle), middle.shape[2], middle.shape[1]), np.nan)
+        good = np.isfinite(middle).all(axis=(1, 2))
+        inverses[good] = np.linalg.pinv(middle[good])
+        # |J^-1| <= |C| / (1 - |I - C J|); for fewer rows than columns I - J C
+        wide = middle.shape[1] < middle.shape[2]
+        factors = (matrices, point(inverses)) if wide else (point(inverses), matrices)
+        unit = point(np.eye(min(middle.shape[1:]))[None])
+        spread = upper_norm(subtract(unit, product(*factors)).magnitude)
         bound = np.nextafter(1.0 - spread, -np.inf) / upper_norm(inverses) / GROWN
-        sign = np.sign(np.linalg.det(np.where(np.isfinite(inverses), inverses, 0.0)))
-        return np.where(spread < 1.0, bound, np.nan), sign
+        return np.where(spread < 1.0, bound, np.nan)
 
 
 def along(matrix: Interval, change: Interval) -> Interval:

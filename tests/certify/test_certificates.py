@@ -231,5 +231,20 @@ def test_time_limit_and_wrong_arguments():
         with pytest.raises(ArgumentError) as error:
             study(f, **arguments)
         assert error.value.argument == named
-    with pytest.raises(ArgumentError, match="as many outputs"):
-        study(l1("T", "tau"), {"T": BOX["T"], "der(T)": [[0, 1]], "der(T,2)": [[0, 1]]}, regular=True)
+
+
+@pytest.mark.parametrize("wide", [False, True])
+def test_a_serial_arm_has_no_singular_pose_in_a_box_of_its_joints(wide):
+    """Pose (12 numbers) by six joints, or position alone; the bound is below the singular values of random joints."""
+    fk = gt.robots.kr500().causal(known="q", targets=["T"] if wide else ["T", "R"])
+    middle = np.radians([10.0, -80.0, 90.0, 20.0, 50.0, 0.0])
+    lo, hi = middle - 0.02, middle + 0.02
+    s = study(fk, {"q": np.stack([lo, hi], axis=1).tolist()}, regular=True, max_boxes=5000)
+    assert s.proved == 1.0
+    q = np.random.default_rng(0).uniform(lo, hi, (200, 6))
+    least = np.linalg.svd(fk.jacobian(q)[0], compute_uv=False)[:, -1].min()
+    assert 0.3 * least < s.least_singular_value <= least
+    stretched = np.radians([10.0, -80.0, 90.0, 20.0, 0.0, 0.0])  # axes 4 and 6 in line
+    if not wide:
+        box = {"q": np.stack([stretched - 0.02, stretched + 0.02], axis=1).tolist()}
+        assert study(fk, box, regular=True, max_boxes=300).proved < 1.0
