@@ -53,6 +53,7 @@ class BoxCertificate(Study):
     steps: Annotated[
         int | None, "steps of Newton's method until round-off, at most; null for closed forms and without a motion"
     ]
+    scale: Annotated[float | None, "size of the proved box relative to the given one; null if it was not to shrink"]
     box: Annotated[Mapping[str, Sequence[float]], "least and greatest value of each input [SI]"]
     real: Annotated[str, "number type of the code whose status is proved"]
     assumptions: Annotated[Sequence[str], "what the proof assumes, in sentences"]
@@ -65,6 +66,8 @@ class BoxCertificate(Study):
             Row("refuted", 100 * self.refuted, "%"),
             Row("undecided", 100 * self.undecided, "%"),
             Row("boxes examined", self.boxes),
+            *([] if self.scale is None else [Row("size relative to the given box", self.scale)]),
+            *([] if self.scale is None else [Row(f"  {n}, from and to", listed(x)) for n, x in self.box.items()]),
             *[Row(name, word) for name, word in self.claims.items()],
         ]
         if self.least_singular_value is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Annotated, Any, Literal, Unpack
 
@@ -22,6 +22,8 @@ from .intervals import Array
 from .newton_form import NewtonProver
 from .subdivision import PROVED, REFUTED, UNDECIDED, Leaves, subdivide
 
+RESOLUTION = 0.01  # of the size of the largest box
+
 
 @study_function
 def study(
@@ -31,6 +33,7 @@ def study(
     bounds: Mapping[str, Sequence[Sequence[float]]] | None = None,
     regular: bool = False,
     moving: Moving | None = None,
+    around: Mapping[str, Sequence[float] | float] | None = None,
     real: Literal["double", "float"] = "double",
     max_boxes: Annotated[int, Within(least=1)] = 100_000,
     **work_options: Unpack[WorkOptions],
@@ -46,6 +49,8 @@ def study(
             singular; for an arm, give all targets of the pose, such as T and R.
         moving: for a Newton block: prove also that the code in C, started at its last answer, returns GT_OK and the
             solution up to round-off. Without it, errors are bounded by the tolerance of the code.
+        around: a point inside the box, by name of every input: shrink the box towards it until all is proved, and
+            return the largest one, to 1 % of the size of `box`.
         real: number type of the code whose status is proved.
         max_boxes: largest number of boxes to examine.
         title, progress, max_seconds, stop: see `gtmodel.results.Work`.
@@ -79,8 +84,40 @@ def study(
         work.progress("cutting boxes", share, {"boxes": boxes})
         return not work.interrupted()
 
-    leaves = subdivide(prover, lo, hi, max_boxes, going)
-    return _study_of(prover, leaves, lo, hi, work, max_boxes)
+    if around is None:
+        return _study_of(prover, subdivide(prover, lo, hi, max_boxes, going), lo, hi, work, None)
+    centre = _point(function, around, lo, hi)
+    leaves, scale = _largest(prover, centre, lo, hi, max_boxes, going)
+    return _study_of(prover, leaves, centre + scale * (lo - centre), centre + scale * (hi - centre), work, scale)
+
+
+def _point(function: CausalFunction, around: Mapping[str, Sequence[float] | float], lo: Array, hi: Array) -> Array:
+    """Return the point to which the box shrinks. Raises ArgumentError."""
+    names = [s.name for s in function.inputs]
+    values = np.concatenate([np.ravel(around[n]) for n in names]) if set(around) == set(names) else np.zeros(0)
+    if values.shape != lo.shape or not np.all((values >= lo) & (values <= hi)):
+        raise ArgumentError(f"give a point inside the box, by name of each of {', '.join(names)}", "around")
+    return values.astype(float)
+
+
+def _largest(
+    prover: ClosedFormProver | NewtonProver, centre: Array, lo: Array, hi: Array, max_boxes: int,
+    going: Callable[[float, int], bool],
+) -> tuple[Leaves, float]:  # fmt: skip
+    """Return the leaves of the largest proved box that shrinks towards a point, and its size relative to the whole; of
+    the smallest one that was tried, if none is proved."""
+    proved, scale, open_ = 0.0, 1.0, 1.0
+    best: Leaves | None = None
+    while True:
+        box = centre + scale * (lo - centre), centre + scale * (hi - centre)
+        leaves = subdivide(prover, *box, max_boxes, going, whole=True)
+        if leaves.volume(PROVED) == 1.0:
+            proved, best = scale, leaves
+        else:
+            open_ = scale
+        if open_ - proved <= RESOLUTION or proved == 1.0 or not leaves.complete:
+            return (leaves, scale) if best is None else (best, proved)
+        scale = 0.5 * (proved + open_)
 
 
 def _away(function: CausalFunction, moving: Moving) -> Array:
@@ -107,7 +144,7 @@ def _box(function: CausalFunction, box: Mapping[str, Sequence[Sequence[float]]])
 
 
 def _study_of(
-    prover: ClosedFormProver | NewtonProver, leaves: Leaves, lo: Array, hi: Array, work: Work, max_boxes: int
+    prover: ClosedFormProver | NewtonProver, leaves: Leaves, lo: Array, hi: Array, work: Work, scale: float | None
 ) -> BoxCertificate:
     verdicts, function = leaves.verdicts, prover.function
     good = verdicts == PROVED
@@ -132,7 +169,7 @@ def _study_of(
         proved=volumes[PROVED], refuted=volumes[REFUTED], undecided=volumes[UNDECIDED], boxes=leaves.examined,
         claims=claims, counter_examples=points,
         errors=dict(zip(targets, errors, strict=True)), float_errors=dict(zip(targets, single, strict=True)),
-        ranges=dict(zip(targets, ranges, strict=True)), least_singular_value=least, steps=steps,
+        ranges=dict(zip(targets, ranges, strict=True)), least_singular_value=least, steps=steps, scale=scale,
         box={n: [float(a), float(b)] for n, a, b in zip(names, lo, hi, strict=True)},
         real=prover.real.name, assumptions=ASSUMPTIONS,
         figures={"boxes": partial(_figure, function, leaves, volumes, lo, hi, points, work.title)},

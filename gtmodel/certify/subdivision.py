@@ -69,14 +69,14 @@ def subdivide(
     hi: Array,
     max_boxes: int,
     going: Callable[[float, int], bool] = lambda share, boxes: True,
+    whole: bool = False,
 ) -> Leaves:
     """Decide a box lo, hi (inputs,) by halving what is undecided.
 
     At most `max_boxes` boxes are examined; `going` is called with the decided share and the number of boxes, False
-    ends the work. What is then left is undecided.
+    ends the work. What is then left is undecided. `whole`: end as soon as the whole box cannot be proved.
     """
     claims = len(prover.claims)
-    whole = hi - lo
     level, depth = (lo[:, None].copy(), hi[:, None].copy()), np.zeros(1)
     parts: list[Leaves] = []
     violated: list[Array | None] = [None] * claims
@@ -94,12 +94,15 @@ def subdivide(
         split = np.flatnonzero(~done & ~stuck)
         kept = done | stuck
         more = split.size > 0 and going(share + float((2.0 ** -depth[done]).sum()), examined)
-        if not more or examined + 2 * split.size > max_boxes:
+        if whole and (stuck.any() or (states < 0).any() or any(v is not None for v in violated)):
+            split = split[:0]
+            kept[:] = True
+        elif not more or examined + 2 * split.size > max_boxes:
             complete = complete and (more or not split.size)
             kept[:], split = True, split[:0]
         parts.append(_leaves(level, states, depth, decision.worst, kept))
         share += float((2.0 ** -depth[done]).sum())
-        level, depth = _halved(level, depth, split, decision.side, whole)
+        level, depth = _halved(level, depth, split, decision.side)
     return Leaves(
         np.concatenate([p.lo for p in parts], axis=1), np.concatenate([p.hi for p in parts], axis=1),
         np.concatenate([p.states for p in parts], axis=1), np.concatenate([p.share for p in parts]),
@@ -111,9 +114,7 @@ def _leaves(level: tuple[Array, Array], states: Array, depth: Array, worst: Arra
     return Leaves(level[0][:, kept], level[1][:, kept], states[:, kept], 2.0 ** -depth[kept], worst[:, kept])
 
 
-def _halved(
-    level: tuple[Array, Array], depth: Array, split: Array, side: Array, whole: Array
-) -> tuple[tuple[Array, Array], Array]:
+def _halved(level: tuple[Array, Array], depth: Array, split: Array, side: Array) -> tuple[tuple[Array, Array], Array]:
     lo, hi = level[0][:, split], level[1][:, split]
     sides, n = side[split], np.arange(split.size)
     middle = lo[sides, n] + 0.5 * (hi[sides, n] - lo[sides, n])

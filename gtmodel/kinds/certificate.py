@@ -37,6 +37,9 @@ class Schema(RobotProblem):
     moving: Made[Moving] | None = Field(
         default=None, description="for functions with Newton's method: the motion between two calls of the code"
     )
+    around: dict[str, list[float] | float] | None = Field(
+        default=None, description="point by input, SI: shrink the box towards it until all is proved"
+    )
     real: Literal["double", "float"] = Field(default="double", description="number type of the code")
     max_boxes: int = Field(default=100_000, ge=1, description="largest number of boxes to examine")
 
@@ -50,8 +53,8 @@ def call(problem: Schema, context: Context) -> Call:
         raise InputError("--start: a certificate does not use an earlier result; leave it out")
     return Call(
         certify.study, _function(problem, context), problem.box, bounds=problem.bounds, regular=problem.regular,
-        moving=None if problem.moving is None else problem.moving.options(), real=problem.real,
-        max_boxes=problem.max_boxes, title=problem.title or f"certificate of {problem.robot}",
+        moving=None if problem.moving is None else problem.moving.options(), around=problem.around,
+        real=problem.real, max_boxes=problem.max_boxes, title=problem.title or f"certificate of {problem.robot}",
     )  # fmt: skip
 
 

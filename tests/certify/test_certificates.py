@@ -248,3 +248,18 @@ def test_a_serial_arm_has_no_singular_pose_in_a_box_of_its_joints(wide):
     if not wide:
         box = {"q": np.stack([stretched - 0.02, stretched + 0.02], axis=1).tolist()}
         assert study(fk, box, regular=True, max_boxes=300).proved < 1.0
+
+
+def test_the_largest_box_around_a_point():
+    """The reach ends inside the given box: the largest proved box ends at most 1 % before it."""
+    f = l1("T", "q")
+    centre = np.array([0.4, -0.9, 0.3])
+    box = {"T": [[-0.6, 1.4], [-1.9, 0.1], [-0.7, 3.3]]}
+    s = study(f, box, around={"T": centre.tolist()}, max_boxes=20_000)
+    assert s.status.ok and s.proved == 1.0 and 0.1 < s.scale < 1.0
+    lo, hi = np.array(box["T"]).T
+    corners = np.array([[(lo, hi)[k >> i & 1][i] for i in range(3)] for k in range(8)])
+    assert not f(centre + s.scale * (corners - centre))[1].any()
+    assert f(centre + (s.scale + 0.02) * (corners - centre))[1].any()
+    with pytest.raises(ArgumentError, match="inside the box"):
+        study(f, box, around={"T": [5.0, 0.0, 0.0]})
