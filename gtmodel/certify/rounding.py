@@ -110,7 +110,7 @@ def _across(op: int) -> Carried:
 
     def carried(x: list[Interval], e: list[Array], result: Interval) -> Array:
         wide = OPERATIONS[op](*[a.widened(b) for a, b in zip(x, e, strict=True)])
-        exact = np.logical_and.reduce([b == 0 for b in e])
+        exact = np.logical_and.reduce(np.broadcast_arrays(*[b == 0 for b in e]))
         return np.where(exact, 0.0, np.maximum(wide.hi - result.lo, result.hi - wide.lo))
 
     return carried
