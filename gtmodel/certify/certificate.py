@@ -7,18 +7,9 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from ..results import Options, Quantity, Row, Study, Unit, Within, listed
-from .intervals import LIBM_ULP
-from .subdivision import PROVED, REFUTED, UNDECIDED
 
+PROVED, REFUTED, UNDECIDED = 1, -1, 0
 WORDS = {PROVED: "proved", REFUTED: "refuted", UNDECIDED: "undecided"}
-ASSUMPTIONS = (
-    "IEEE 754 arithmetic, rounded to nearest, with denormal numbers: no -ffast-math, no flush to zero, no contraction "
-    "(-ffp-contract=off), no extended registers",
-    f"sin, cos, tan, asin, acos, atan, atan2, exp, log, pow, sinh, cosh, tanh of libm and NumPy within {LIBM_ULP:g} "
-    "units in the last place",
-    "the constants of the generated text are exact; how well they describe the machine is another question",
-    "inputs are exact: the box holds the numbers that the function is given",
-)
 _SHOWN = 12  # rows of the table for single outputs
 
 

@@ -15,13 +15,21 @@ from ..results import ArgumentError, SolveStatus, Work, at_least
 from ..results.options import Within
 from ..results.table import csv_text
 from ..results.work import WorkOptions, study_function
-from .certificate import ASSUMPTIONS, WORDS, BoxCertificate, Moving
+from .certificate import PROVED, REFUTED, UNDECIDED, WORDS, BoxCertificate, Moving
 from .claims import REGULAR, STATUS, Claim, bound_claims, entries
 from .closed_form import ClosedFormProver
-from .intervals import Array
+from .intervals import LIBM_ULP, Array
 from .newton_form import NewtonProver
-from .subdivision import PROVED, REFUTED, UNDECIDED, Leaves, subdivide
+from .subdivision import Leaves, subdivide
 
+ASSUMPTIONS = (
+    "IEEE 754 arithmetic, rounded to nearest, with denormal numbers: no -ffast-math, no flush to zero, no contraction "
+    "(-ffp-contract=off), no extended registers",
+    f"sin, cos, tan, asin, acos, atan, atan2, exp, log, pow, sinh, cosh, tanh of libm and NumPy within {LIBM_ULP:g} "
+    "units in the last place",
+    "the constants of the generated text are exact; how well they describe the machine is another question",
+    "inputs are exact: the box holds the numbers that the function is given",
+)
 RESOLUTION = 0.01  # of the size of the largest box
 
 

@@ -15,7 +15,7 @@ from .claims import REGULAR, STATUS, Claim, status_claims
 from .intervals import Array, Interval
 from .regularity import least_singular_value
 from .rounding import ARITHMETICS, GROWN, Arithmetic
-from .subdivision import Decision, Leaves, sharpened
+from .subdivision import SHORTEST, Decision, Leaves, sharpened
 from .tape import IntervalTape, MeanValue, with_jacobian
 
 SHARPENING = 2000  # boxes spent on sharper bounds of errors and values
@@ -153,7 +153,7 @@ class ClosedFormProver:
             score[:, here] = self._jacobian.varying[:, None] * width[:, here]
         side = np.argmax(score, axis=0)
         chosen = np.take_along_axis(width, side[None], axis=0)[0]
-        return np.where((score.max(axis=0) > 0) & (chosen > 2.0**-30), side, -1)
+        return np.where((score.max(axis=0) > 0) & (chosen > SHORTEST), side, -1)
 
     def at(self, points: Array) -> Array:
         """Judge points by evaluation in the arithmetic itself."""

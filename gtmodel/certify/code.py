@@ -16,10 +16,11 @@ from ..cgen.real import real_of
 from ..compiler.causal import CausalFunction
 from ..results import ArgumentError, Work, at_least
 from ..results.check import Check
+from .certificate import PROVED
 from .claims import entries
 from .closed_form import ClosedFormProver
 from .intervals import Array
-from .subdivision import PROVED, subdivide
+from .subdivision import subdivide
 
 FILE, CHECKER, IN_WORDS = "certificate.json", "check_certificate.py", "CERTIFICATE.md"
 FORMAT = "gtmodel-certificate-1"
@@ -30,17 +31,23 @@ ABOVE, WIDER = 1.5, 0.25
 
 @dataclass(frozen=True)
 class Statements:
-    """Proved statements about the functions of a folder. `functions`: by Python name, the proved boxes with bounds of
-    round-off and ranges. `left_out`: by name, why a function has none. `checks`: proved share of each other one."""
+    """Proved statements about the functions of a folder.
+
+    functions: by Python name, the proved boxes with bounds of round-off and ranges. left_out: by name, why a function
+    has none. checks: proved share of each other one. name, real: of the folder, and its number type.
+    """
 
     functions: Mapping[str, Mapping[str, Any]]
     left_out: Mapping[str, str]
     checks: Mapping[str, Check]
+    name: str
     real: str
 
-    def beside(self, name: str, texts: Mapping[str, str]) -> dict[str, str]:
-        """Return the files of the certificate for the folder `name` with these texts."""
-        body = f"gt_{name}_body.c"
+    def beside(self, texts: Mapping[str, str]) -> dict[str, str]:
+        """Return the files of the certificate for a folder with these texts; none without functions."""
+        if not self.functions and not self.left_out:
+            return {}
+        name, body = self.name, f"gt_{self.name}_body.c"
         content = {
             "format": FORMAT,
             "real": self.real,
@@ -50,9 +57,10 @@ class Statements:
             "left_out": {f"gt_{name}_{key}": why for key, why in self.left_out.items()},
         }
         checker = (codegen_dir() / "verify" / CHECKER).read_text(encoding="utf-8")
-        return {FILE: json.dumps(content, indent=1) + "\n", CHECKER: checker, IN_WORDS: self._in_words(name)}
+        return {FILE: json.dumps(content, indent=1) + "\n", CHECKER: checker, IN_WORDS: self._in_words()}
 
-    def _in_words(self, name: str) -> str:
+    def _in_words(self) -> str:
+        name = self.name
         lines = [
             "# Certificate",
             "",
@@ -68,10 +76,10 @@ class Statements:
 
 
 def statements(
-    functions: Mapping[str, Any], box: Mapping[str, Sequence[Sequence[float]]], real: str, work: Work
+    functions: Mapping[str, Any], box: Mapping[str, Sequence[Sequence[float]]], name: str, real: str, work: Work
 ) -> Statements:
-    """Prove the status of the functions that have a box, with bounds of their round-off. Other functions are left out
-    with the reason; that the proof fails in a part of the box is a failed check."""
+    """Prove for the folder `name` the status of the functions that have a box, with bounds of their round-off. Other
+    functions are left out with the reason; that a proof fails in a part of the box is a failed check."""
     made: dict[str, Any] = {}
     left_out: dict[str, str] = {}
     checks: dict[str, Check] = {}
@@ -95,7 +103,7 @@ def statements(
         checks[f"certified_{key}"] = at_least(proved, 1.0, f"use a smaller box for {key}, or leave out the certificate")
         if proved == 1.0:
             made[key] = _entry(prover, leaves.lo, leaves.hi, real)
-    return Statements(made, left_out, checks, real)
+    return Statements(made, left_out, checks, name, real)
 
 
 def _entry(prover: ClosedFormProver, lo: Array, hi: Array, real: str) -> dict[str, Any]:

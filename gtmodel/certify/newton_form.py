@@ -24,7 +24,7 @@ from .closed_form import FINITE, SMALL, inputs_are_small
 from .intervals import Array, Interval, add, negative, point
 from .regularity import about, along, product, remainder
 from .rounding import DOUBLE, GROWN
-from .subdivision import Decision, Leaves
+from .subdivision import SHORTEST, Decision, Leaves
 from .tape import IntervalTape, MeanValue
 
 ONE = Claim(SOLVED, "exactly one solution in the region of the assembly mode")
@@ -96,7 +96,7 @@ class NewtonProver:
             if not hasattr(self, "_whole"):
                 self._whole = np.where(width.max(axis=1) > 0, width.max(axis=1), 1.0)
             share = width / self._whole[:, None]
-            side = np.where(share.max(axis=0) > 2.0**-30, np.argmax(share, axis=0), -1)
+            side = np.where(share.max(axis=0) > SHORTEST, np.argmax(share, axis=0), -1)
         worst = np.vstack([result[2][t], result[1][t], -result[0][t], np.where(region.reached, region.steps, 0)[None]])
         return Decision(np.array(states), side, worst.reshape(-1, n))
 

@@ -8,10 +8,10 @@ from typing import Protocol
 
 import numpy as np
 
+from .certificate import PROVED, REFUTED, UNDECIDED
 from .claims import Claim
 from .intervals import Array
 
-PROVED, REFUTED, UNDECIDED = 1, -1, 0
 # shortest side of a box, relative to the whole: shorter ones hold few numbers in double
 SHORTEST = 2.0**-30
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
 from gtmodel import certify
-from gtmodel.certify import Moving
-from gtmodel.compiler.causal import CausalFunction
+from gtmodel.certify.certificate import Moving
 from gtmodel.problem_files.base import Call, Context, InputError
 from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.keys import RobotProblem
+
+if TYPE_CHECKING:
+    from gtmodel.compiler.causal import CausalFunction
 
 RESULT = "gtmodel.certify.BoxCertificate"
 

@@ -39,10 +39,10 @@ def checker() -> ModuleType:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     robot = gt.robots.gantry_tau("l1_tape")
     functions = {"ik": robot.causal(known="T", targets="q"), "fk": robot.causal(known="q", targets="T")}
-    proved = statements(functions, BOX, "double", Work())
+    proved = statements(functions, BOX, "l1", "double", Work())
     assert all(c.passed for c in proved.checks.values()) and not proved.left_out
     place = tmp_path_factory.mktemp("code") / "l1"
-    cgen.generate(functions, place, name="l1", box=BOX, beside=lambda texts: proved.beside("l1", texts))
+    cgen.generate(functions, place, name="l1", box=BOX, beside=proved.beside)
     return place
 
 
@@ -143,6 +143,6 @@ def test_what_is_not_proved_is_a_failed_check_or_left_out_with_the_reason():
     six = gt.robots.six_link_gantry_tau("d1_six_link")
     functions = {"ik": robot.causal(known="T", targets="q"), "six": six.causal(known="T", targets="q"),
                  "tau": robot.causal(known="T", targets="tau")}  # fmt: skip
-    made = statements(functions, {"T": [[0.0, 0.1], [-1.0, -0.9], [0.1, 6.0]]}, "double", Work())
+    made = statements(functions, {"T": [[0.0, 0.1], [-1.0, -0.9], [0.1, 6.0]]}, "l1", "double", Work())
     assert not made.checks["certified_ik"].passed and not made.functions
     assert "Newton" in made.left_out["six"] and "box" in made.left_out["tau"]

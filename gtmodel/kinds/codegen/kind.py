@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from hashlib import sha256
 from pathlib import Path
 
@@ -48,14 +47,12 @@ def write(
     passed; with `write_failed` it is written anyway, marked in the first lines.
 
     fmu: "3", "2" or "both": functional mock-up units of these versions instead of C code.
-    costs: with `verify`, also measure machine code, stack and instructions.
-    certify: prove the functions over their box, and write the certificate and its checker beside the code.
+    costs: with `verify`, also measure machine code, stack and instructions. certify: prove, and write a certificate.
 
     Raises InputError for a wrong problem, ArgumentError for a folder with files that gtmodel did not write.
     """
     if fmu is not None and (costs or certify):
-        option = "--costs" if costs else "--certify"
-        raise InputError(f"{option}: is for C code, not for a unit; leave out --fmu or {option}")
+        raise InputError("--costs, --certify: only C code is measured or proved, not a unit; leave them out, or --fmu")
     if fmu is not None:
         return _units(problem, context, out, fmu, verify, write_failed)
     with held(out) as folder:
@@ -68,11 +65,10 @@ def write(
         if not write_failed and not context.interrupted():
             refuse_distrusted(context, "the code")
         call_.options |= {"costs": costs} if verify else {"check": None}
-        also = doubts(context)
-        if certify:
-            proved = statements(call_.arguments[0], problem.box, problem.real, context.clock())
-            also |= proved.checks
-            call_.options["beside"] = partial(proved.beside, call_.options["name"])
+        functions = call_.arguments[0] if certify else {}
+        proved = statements(functions, problem.box, call_.options["name"], problem.real, context.clock())
+        call_.options["beside"] = proved.beside
+        also = doubts(context) | dict(proved.checks)
         return call_(folder=folder, also=also, write_failed=write_failed, by="--write-failed", **context.work())
 
 
