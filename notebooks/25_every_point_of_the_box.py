@@ -101,7 +101,7 @@ for k, (name, (a, b)) in enumerate(forces.ranges.items()):
 # %%
 six = gt.robots.six_link_gantry_tau("d1_six_link").causal(known="T", targets=["q", "e"])
 small = {"T": [[-1.48, -1.44], [-4.51, -4.47], [0.0, 0.04]]}
-newton = gt.certify.study(six, small, moving=gt.certify.Moving(speed={"T": 1.0}, period=0.004))
+newton = gt.certify.study(six, small, moving=gt.certify.InputSpeed(speed={"T": 1.0}, period=0.004))
 print(newton.boxes, newton.steps, max(newton.errors.values()))
 assert newton.proved == 1.0 and max(newton.errors.values()) < 1e-12
 

@@ -2,7 +2,7 @@
 
 study            prove status, bounds of outputs, regularity and round-off over a box: a `BoxCertificate`
 BoxCertificate   the result: proved, refuted and undecided share, claims, counter-examples, error bounds
-Moving           motion of the inputs between two calls, for code with Newton's method
+InputSpeed       motion of the inputs between two calls, for code with Newton's method
 """
 
 from typing import TYPE_CHECKING
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
-    from .certificate import BoxCertificate as BoxCertificate, Moving as Moving
+    from .certificate import BoxCertificate as BoxCertificate, InputSpeed as InputSpeed
     from .certificate_study import study as study
 
 public(__name__)

@@ -14,11 +14,11 @@ _SHOWN = 12  # rows of the table for single outputs
 
 
 @dataclass(frozen=True)
-class Moving(Options):
+class InputSpeed(Options):
     """Inputs that move between two calls of code with Newton's method, which starts at the last answer.
 
-    >>> gt.certify.Moving(speed={"T": 1.0}, period=0.004)
-    Moving(speed={'T': 1.0}, period=0.004)
+    >>> gt.certify.InputSpeed(speed={"T": 1.0}, period=0.004)
+    InputSpeed(speed={'T': 1.0}, period=0.004)
     """
 
     speed: Annotated[dict[str, float], "largest speed of every number of an input, by name [its unit/s]"]

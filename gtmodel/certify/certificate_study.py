@@ -15,7 +15,7 @@ from ..results import ArgumentError, SolveStatus, Work, at_least
 from ..results.options import Within
 from ..results.table import csv_text
 from ..results.work import WorkOptions, study_function
-from .certificate import PROVED, REFUTED, UNDECIDED, WORDS, BoxCertificate, Moving
+from .certificate import PROVED, REFUTED, UNDECIDED, WORDS, BoxCertificate, InputSpeed
 from .claims import REGULAR, STATUS, Claim, bound_claims, entries
 from .closed_form import ClosedFormProver
 from .intervals import LIBM_ULP, Array
@@ -40,7 +40,7 @@ def study(
     *,
     bounds: Mapping[str, Sequence[Sequence[float]]] | None = None,
     regular: bool = False,
-    moving: Moving | None = None,
+    moving: InputSpeed | None = None,
     around: Mapping[str, Sequence[float] | float] | None = None,
     real: Literal["double", "float"] = "double",
     max_boxes: Annotated[int, Within(least=1)] = 100_000,
@@ -128,7 +128,7 @@ def _largest(
         scale = 0.5 * (proved + open_)
 
 
-def _away(function: CausalFunction, moving: Moving) -> Array:
+def _away(function: CausalFunction, moving: InputSpeed) -> Array:
     """Return how far each input moves in a period. Raises ArgumentError."""
     names = [s.name for s in function.inputs]
     if set(moving.speed) != set(names) or not all(0 <= v < np.inf for v in moving.speed.values()):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import Field
 
 from gtmodel import certify
-from gtmodel.certify.certificate import Moving
+from gtmodel.certify.certificate import InputSpeed
 from gtmodel.problem_files.base import Call, Context, InputError
 from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.keys import RobotProblem
@@ -36,7 +36,7 @@ class Schema(RobotProblem):
     regular: bool = Field(
         default=False, description="whether no pose may be singular: the Jacobian of the targets stays regular"
     )
-    moving: Made[Moving] | None = Field(
+    moving: Made[InputSpeed] | None = Field(
         default=None, description="for functions with Newton's method: the motion between two calls of the code"
     )
     around: dict[str, list[float] | float] | None = Field(

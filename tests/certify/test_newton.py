@@ -46,7 +46,7 @@ def solved(residual: Exact, z: np.ndarray, a: np.ndarray) -> list:
 @pytest.mark.parametrize("points", [20, pytest.param(10_000, marks=pytest.mark.proof)])
 def test_the_code_reaches_the_solution_from_its_last_answer(points):
     f = six_links()
-    s = gt.certify.study(f, box(0.02), moving=gt.certify.Moving(speed={"T": 1.0}, period=0.004))
+    s = gt.certify.study(f, box(0.02), moving=gt.certify.InputSpeed(speed={"T": 1.0}, period=0.004))
     assert s.status.ok and s.proved == 1.0 and s.steps <= 4 and set(s.claims.values()) == {"proved"}
     assert max(s.errors.values()) < 2e-13
     cut = stages(f, "x")
@@ -74,7 +74,7 @@ def test_without_a_motion_the_tolerance_bounds_the_error():
 
 
 def test_too_fast_a_motion_is_not_proved():
-    s = gt.certify.study(six_links(), box(0.001), moving=gt.certify.Moving(speed={"T": 50.0}), max_boxes=15)
+    s = gt.certify.study(six_links(), box(0.001), moving=gt.certify.InputSpeed(speed={"T": 50.0}), max_boxes=15)
     assert not s.status.ok and s.undecided == 1.0
     assert not any(word == "proved" for name, word in s.claims.items() if "solution" in name or "last cycle" in name)
 
@@ -109,7 +109,7 @@ def test_wrong_arguments():
     for arguments, named in (
         (dict(regular=True), "regular"),
         (dict(real="float"), "real"),
-        (dict(moving=gt.certify.Moving(speed={"q": 1.0})), "moving.speed"),
+        (dict(moving=gt.certify.InputSpeed(speed={"q": 1.0})), "moving.speed"),
     ):
         with pytest.raises(ArgumentError) as error:
             gt.certify.study(f, box(0.01), **arguments)

@@ -67,9 +67,8 @@ def write(
         call_.options |= {"costs": costs} if verify else {"check": None}
         functions = call_.arguments[0] if certify else {}
         proved = statements(functions, problem.box, call_.options["name"], problem.real, context.clock())
-        call_.options["beside"] = proved.beside
-        also = doubts(context) | dict(proved.checks)
-        return call_(folder=folder, also=also, write_failed=write_failed, by="--write-failed", **context.work())
+        call_.options |= {"also": doubts(context) | {**proved.checks}, "beside": proved.beside}
+        return call_(folder=folder, write_failed=write_failed, by="--write-failed", **context.work())
 
 
 def _units(problem: Schema, context: Context, out: Path, fmu: str, verify: bool, write_failed: bool) -> FmuStudy:
