@@ -62,6 +62,7 @@ Set = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the file: limits.force_N=500; repeatable."),
 ]
+Out = Annotated[Path | None, typer.Option(metavar="DIR", help="Write the result into this folder.", callback=_folder)]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Show no progress on stderr.")]
 WriteFailed = Annotated[
     bool,
@@ -214,9 +215,7 @@ def solve(
     context: typer.Context,
     problem: Problem,
     settings: Set = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write the result into this folder.", callback=_folder)
-    ] = None,
+    out: Out = None,
     as_json: Json = False,
     plot: Annotated[bool, typer.Option("--plot", help="Draw pictures; into ./NAME-result without --out.")] = False,
     max_seconds: Annotated[
@@ -320,9 +319,7 @@ def inspect(
     most_growth: Annotated[
         float | None, typer.Option(metavar="TIMES", help="Largest unpacked size, as a multiple of the file size; 200.")
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write the result into this folder.", callback=_folder)
-    ] = None,
+    out: Out = None,
     as_json: Json = False,
     plot: Annotated[bool, typer.Option("--plot", help="Draw the log; into ./NAME-log without --out.")] = False,
     max_seconds: Annotated[
@@ -395,9 +392,7 @@ def certify(
     context: typer.Context,
     problem: Problem,
     settings: Set = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write the result into this folder.", callback=_folder)
-    ] = None,
+    out: Out = None,
     as_json: Json = False,
     plot: Annotated[bool, typer.Option("--plot", help="Draw the boxes; into ./NAME-result without --out.")] = False,
     max_seconds: Annotated[float | None, typer.Option(metavar="S", help="Time limit; the rest is undecided.")] = None,
