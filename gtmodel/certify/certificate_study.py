@@ -16,7 +16,7 @@ from ..results.options import Within
 from ..results.table import csv_text
 from ..results.work import WorkOptions, study_function
 from .certificate import PROVED, REFUTED, UNDECIDED, WORDS, BoxCertificate, InputSpeed
-from .claims import REGULAR, STATUS, Claim, bound_claims, entries
+from .claims import REGULAR, SOLVED, STATUS, Claim, bound_claims, entries
 from .closed_form import ClosedFormProver
 from .intervals import LIBM_ULP, Array
 from .newton_form import NewtonProver
@@ -160,7 +160,7 @@ def _study_of(
     errors, single, ranges = _bounds(prover, leaves, good, hi > lo)
     volumes = {v: leaves.volume(v) for v in WORDS}
     turned = _opposite(prover, leaves) if isinstance(prover, ClosedFormProver) and prover.regular else None
-    claims, points = _claims(prover.claims, leaves, names, turned)
+    claims, points = _claims(prover, leaves, names, turned)
     least = steps = None
     if isinstance(prover, NewtonProver):
         steps = int(leaves.worst[-1, good].max()) if prover.away is not None and good.any() else None
@@ -201,44 +201,40 @@ def _bounds(
 
 
 def _claims(
-    claims: Sequence[Claim], leaves: Leaves, names: Sequence[str], turned: tuple[Array, Array] | None
+    prover: ClosedFormProver | NewtonProver, leaves: Leaves, names: Sequence[str], turned: tuple[Array, Array] | None
 ) -> tuple[dict[str, str], list[dict[str, Any]]]:
     """Return the verdict of each claim in words, first those of the status together, and the counter-examples."""
     words: dict[str, str] = {}
     points: list[dict[str, Any]] = []
-    verdicts: list[int] = []
-    for k, claim in enumerate(claims):
+    together = np.array([c.kind in (STATUS, SOLVED) for c in prover.claims])
+    refuted_status = False
+    for k, claim in enumerate(prover.claims):
         states, point = leaves.states[k], leaves.violated[k]
-        share = float(leaves.share[states != 1].sum())
         refuted = point is not None or bool((states < 0).any())
-        verdicts.append(REFUTED if refuted else PROVED if share == 0 else UNDECIDED)
+        refuted_status |= refuted and bool(together[k])
+        name, copies = claim.name, 1
+        while name in words:  # margins may share a label
+            copies += 1
+            name = f"{claim.name} ({copies})"
         if claim.kind == REGULAR and turned is not None and not refuted:
-            verdicts[-1] = REFUTED
-            words[claim.name] = (
-                f"refuted: its determinant has opposite signs at {_at(names, turned[0])} and {_at(names, turned[1])}"
-            )
-            continue
-        where = "" if point is None else f" at {_at(names, point)}"
-        words[claim.name] = (
-            f"refuted{where}"
-            if refuted
-            else WORDS[PROVED]
-            if share == 0
-            else f"undecided in {100 * share:.3g} % of the volume"
-        )
+            signs = f"its determinant has opposite signs at {_at(names, turned[0])} and {_at(names, turned[1])}"
+            words[name] = f"{WORDS[REFUTED]}: {signs}"
+        else:
+            words[name] = _word(refuted, states > 0, leaves.share)
         if point is not None:
-            points.append({"claim": claim.name, "point": dict(zip(names, point.tolist(), strict=True))})
-    status = [v for v, c in zip(verdicts, claims, strict=True) if c.kind == STATUS]
-    rows = np.array([c.kind == STATUS for c in claims])
-    share = float(leaves.share[~(leaves.states[rows] > 0).all(axis=0)].sum())
-    together = (
-        WORDS[REFUTED]
-        if REFUTED in status
-        else WORDS[PROVED]
-        if share == 0
-        else f"undecided in {100 * share:.3g} % of the volume"
-    )
-    return {"status OK": together, **words}, points
+            words[name] += f" at {_at(names, point)}"
+            points.append({"claim": name, "point": dict(zip(names, point.tolist(), strict=True))})
+    summary = _word(refuted_status, (leaves.states[together] > 0).all(axis=0), leaves.share)
+    # without a motion nothing is said about the start of Newton's method
+    where = " at the solution" if isinstance(prover, NewtonProver) and prover.away is None else ""
+    return {f"status OK{where}": summary, **words}, points
+
+
+def _word(refuted: bool, good: Array, share: Array) -> str:
+    """Return the verdict in words of a claim that is proved in the `good` boxes."""
+    if refuted:
+        return WORDS[REFUTED]
+    return WORDS[PROVED] if good.all() else f"{WORDS[UNDECIDED]} in {100 * share[~good].sum():.3g} % of the volume"
 
 
 def _at(names: Sequence[str], point: Array) -> str:

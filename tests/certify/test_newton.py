@@ -67,6 +67,13 @@ def test_the_code_reaches_the_solution_from_its_last_answer(points):
             assert abs(exact[i] - mpf(values[k, i])) <= bound
 
 
+@pytest.mark.proof
+def test_the_whole_box_of_the_controller_has_one_solution_everywhere():
+    """The box of problems/d1_controller.toml, 0.6 m wide, some 20,000 boxes."""
+    s = gt.certify.study(six_links(), {"T": [[-1.76, -1.16], [-4.79, -4.19], [-0.28, 0.32]]})
+    assert s.status.ok and s.proved == 1.0 and s.claims["status OK at the solution"] == "proved"
+
+
 def test_without_a_motion_the_tolerance_bounds_the_error():
     s = gt.certify.study(six_links(), box(0.02))
     assert s.proved == 1.0 and s.steps is None
@@ -81,7 +88,7 @@ def test_too_fast_a_motion_is_not_proved():
 
 def test_a_box_beyond_the_reach_is_not_proved():
     s = gt.certify.study(six_links(), {"T": [[-1.4, -1.4], [-4.49, -4.49], [1.0, 6.0]]}, max_boxes=40)
-    assert s.proved < 1.0 and s.claims["status OK"] != "proved"
+    assert s.proved < 1.0 and s.claims["status OK at the solution"] != "proved"
 
 
 def test_a_wrong_jacobian_does_not_pass(monkeypatch):
