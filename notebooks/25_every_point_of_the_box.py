@@ -106,6 +106,8 @@ print(newton.boxes, newton.steps, max(newton.errors.values()))
 assert newton.proved == 1.0 and max(newton.errors.values()) < 1e-12
 
 # %% [markdown]
+# ## Answer
+#
 # Ten thousand right answers say nothing about the point between two of them. One box says it of all points, under
 # assumptions that fit on a page: `print(proof)` lists them.
 #

@@ -224,7 +224,7 @@ def _claims(
         if point is not None:
             words[name] += f" at {_at(names, point)}"
             points.append({"claim": name, "point": dict(zip(names, point.tolist(), strict=True))})
-    summary = _word(refuted_status, (leaves.states[together] > 0).all(axis=0), leaves.share)
+    summary = _word(refuted_status, np.asarray((leaves.states[together] > 0).all(axis=0)), leaves.share)
     # without a motion nothing is said about the start of Newton's method
     where = " at the solution" if isinstance(prover, NewtonProver) and prover.away is None else ""
     return {f"status OK{where}": summary, **words}, points
