@@ -14,6 +14,7 @@ from .intervals import Array
 
 # shortest side of a box, relative to the whole: shorter ones hold few numbers in double
 SHORTEST = 2.0**-30
+BLOCK = 4096  # boxes between two checks of time and stop
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,8 @@ def subdivide(
     _look(prover, _corners(lo, hi), violated)
     examined, share, complete = 0, 0.0, True
     while depth.size:
-        decision = prover.decide(*level)
+        decision, ended = _decided(prover, level, lambda n: going(share, examined + n))  # noqa: B023, called at once
+        complete &= not ended
         examined += depth.size
         states = decision.states
         done = (states > 0).all(axis=0) | (states < 0).any(axis=0)
@@ -94,6 +96,7 @@ def subdivide(
         split = np.flatnonzero(~done & ~stuck)
         kept = done | stuck
         more = split.size > 0 and going(share + float((2.0 ** -depth[done]).sum()), examined)
+        more &= not ended
         if whole and (stuck.any() or (states < 0).any() or any(v is not None for v in violated)):
             split = split[:0]
             kept[:] = True
@@ -108,6 +111,24 @@ def subdivide(
         np.concatenate([p.states for p in parts], axis=1), np.concatenate([p.share for p in parts]),
         np.concatenate([p.worst for p in parts], axis=1), examined, violated, complete,
     )  # fmt: skip
+
+
+def _decided(prover: Prover, level: tuple[Array, Array], going: Callable[[int], bool]) -> tuple[Decision, bool]:
+    """Decide the boxes of a level block by block; when the work ends, the rest stays open. Returns also whether it
+    ended."""
+    lo, hi = level
+    parts: list[Decision] = []
+    ended = False
+    for first in range(0, lo.shape[1], BLOCK):
+        if parts and not going(first):
+            rest = lo.shape[1] - first
+            states, worst = (np.zeros((len(x), rest), dtype=x.dtype) for x in (parts[0].states, parts[0].worst))
+            parts.append(Decision(states, np.full(rest, -1), worst))
+            ended = True
+            break
+        parts.append(prover.decide(lo[:, first : first + BLOCK], hi[:, first : first + BLOCK]))
+    joined = Decision(*(np.concatenate([getattr(p, n) for p in parts], axis=-1) for n in ("states", "side", "worst")))
+    return joined, ended
 
 
 def _leaves(level: tuple[Array, Array], states: Array, depth: Array, worst: Array, kept: Array) -> Leaves:

@@ -10,7 +10,7 @@ import pytest
 from mpmath import mpf
 
 import gtmodel as gt
-from gtmodel.certify import tape
+from gtmodel.certify import subdivision, tape
 from gtmodel.certify.certificate_study import study
 from gtmodel.certify.tape import IntervalTape, MeanValue
 from gtmodel.cgen.newton_steps import run
@@ -218,10 +218,14 @@ def test_planted_errors_are_found(monkeypatch):
     assert not missed
 
 
-def test_time_limit_and_wrong_arguments():
+def test_time_limit_and_wrong_arguments(monkeypatch):
     f = l1("q", "T")
     s = study(f, CARTS, stop=lambda: True)
     assert s.status.value == "interrupted" and s.undecided > 0 and s.proved < 1.0
+    calls = iter([False] * 8 + [True] * 99)
+    monkeypatch.setattr(subdivision, "BLOCK", 2)
+    part = study(f, CARTS, stop=lambda: next(calls))
+    assert part.status.value == "interrupted" and 0 < part.undecided < 1.0 and part.proved + part.undecided == 1.0
     for arguments, named in (
         (dict(box={"T": [[0, 1]]}), "box"),
         (dict(box={}), "box"),
