@@ -2,7 +2,7 @@
 
 Language: Model, Connector, Optimization; variable, input, parameter, part, parts, port, outer, connect, der.
 Engines: Model.causal (any causality), solve (optimal control), simulate, cgen.generate (C code).
-Libraries, imported when first used: calibrate, cgen, compliance, control, filtering, fmu, identify, inference,
+Libraries, imported when first used: calibrate, certify, cgen, compliance, control, filtering, fmu, identify, inference,
 kinematics, loop, measurements, mechanics, milling, modelica, motion, optimize, plot, predictive, results, robots,
 simulation, sweep, vibration, vision, workers.
 load("problem.toml") returns the study that a problem file describes, as a call on Python objects,
@@ -27,6 +27,7 @@ from ._version import __version__ as __version__
 if TYPE_CHECKING:
     from . import (
         calibrate as calibrate,
+        certify as certify,
         cgen as cgen,
         compliance as compliance,
         control as control,

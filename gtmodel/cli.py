@@ -63,6 +63,7 @@ Set = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the file: limits.force_N=500; repeatable."),
 ]
+Out = Annotated[Path | None, typer.Option(metavar="DIR", help="Write the result into this folder.", callback=_folder)]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Show no progress on stderr.")]
 WriteFailed = Annotated[
     bool,
@@ -215,9 +216,7 @@ def solve(
     context: typer.Context,
     problem: Problem,
     settings: Set = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write the result into this folder.", callback=_folder)
-    ] = None,
+    out: Out = None,
     as_json: Json = False,
     plot: Annotated[bool, typer.Option("--plot", help="Draw pictures; into ./NAME-result without --out.")] = False,
     report: Annotated[
@@ -403,9 +402,7 @@ def inspect(
     most_growth: Annotated[
         float | None, typer.Option(metavar="TIMES", help="Largest unpacked size, as a multiple of the file size; 200.")
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write the result into this folder.", callback=_folder)
-    ] = None,
+    out: Out = None,
     as_json: Json = False,
     plot: Annotated[bool, typer.Option("--plot", help="Draw the log; into ./NAME-log without --out.")] = False,
     max_seconds: Annotated[
@@ -441,6 +438,9 @@ def codegen(
     costs: Annotated[
         bool, typer.Option("--costs", help="Check, and measure machine code, stack and instructions of each function.")
     ] = False,
+    certify: Annotated[
+        bool, typer.Option("--certify", help="Prove the functions over their box; write certificate and checker.")
+    ] = False,
     fmu: Annotated[
         str | None,
         typer.Option("--fmu", metavar="3|2|both", help="Write functional mock-up units of FMI 3.0, 2.0 or both."),
@@ -466,12 +466,37 @@ def codegen(
             _report.refuse_another(report, "--report")
         with terminal.watching(job, "stopping after this step", quiet=quiet):
             answer.finished = run.generate(
-                loaded, job, out, verify=check or costs, write_failed=write_failed, fmu=fmu, costs=costs
+                loaded,
+                job,
+                out,
+                verify=check or costs,
+                write_failed=write_failed,
+                fmu=fmu,
+                costs=costs,
+                certify=certify,
             )
         if report is not None:
             words = ["-o", out.name, *["--check"] * check, *["--costs"] * costs, *(["--fmu", fmu] if fmu else [])]
             about = _report.asked(loaded, job, [*words, "--report", report.name], "codegen")
             answer.finished.files.append(_report.write(report, answer.finished.outcome, about))
+
+
+@app.command()
+def certify(
+    context: typer.Context,
+    problem: Problem,
+    settings: Set = None,
+    out: Out = None,
+    as_json: Json = False,
+    plot: Annotated[bool, typer.Option("--plot", help="Draw the boxes; into ./NAME-result without --out.")] = False,
+    max_seconds: Annotated[float | None, typer.Option(metavar="S", help="Time limit; the rest is undecided.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Prove what a problem of kind certificate claims at every point of its box; the same as solve.
+
+    Exit code 0 only if all is proved in the whole box.
+    """
+    solve(context, problem, settings, out, as_json, plot, max_seconds, quiet=quiet)
 
 
 @app.command()

@@ -19,7 +19,7 @@ LINES = [
     {"measurements", "inference"}, {"mechanics", "vibration", "simulation", "optimize", "cgen"}, {"filtering"},
     {"control", "predictive"}, {"robots"},
     {"kinematics", "motion", "calibrate", "identify", "compliance", "milling", "loop", "fmu", "vision", "modelica",
-     "sweep"},
+     "sweep", "certify"},
     {"problem_files"}, {"kinds"},
 ]  # fmt: skip
 LEVEL = {name: n for n, line in enumerate(LINES) for name in sorted(line)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
@@ -42,6 +42,7 @@ def study(
     provenance: Mapping[str, str] | None = None,
     problem: Mapping[str, Any] | None = None,
     also: Mapping[str, Check] | None = None,
+    beside: Callable[[Mapping[str, str]], Mapping[str, str]] | None = None,
     write_failed: bool = False,
     by: str = "write_failed=True",
     **work_options: Unpack[WorkOptions],
@@ -56,6 +57,7 @@ def study(
         costs: after the comparison, also measure machine code, stack and instructions, into costs.json; this takes
             longer than the comparison.
         also: further checks that must pass, for example of the data from which the functions were made.
+        beside: texts by file name -> further files of the folder, such as a certificate.
         write_failed: also write code that failed a check, with a mark in its first lines.
         by: name of this option for the user, for messages.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
@@ -82,7 +84,7 @@ def study(
             """Generate into a folder, with a mark if a check failed, and return the study."""
             generated = generate(
                 functions, out, name=name, provenance=provenance, problem=problem, along=along, real=real, box=box,
-                mark=partial(_marked, failed, by) if failed else None,
+                mark=partial(_marked, failed, by) if failed else None, beside=beside,
             )  # fmt: skip
             return _study_of(generated, functions, real, work.title)
 

@@ -64,6 +64,7 @@ def generate(
     real: str = "double",
     box: Mapping[str, Sequence[Sequence[float]]] | None = None,
     mark: Callable[[str, str], str] | None = None,
+    beside: Callable[[Mapping[str, str]], Mapping[str, str]] | None = None,
 ) -> Generated:
     """Write a folder of C99 code that `cc *.c -lm` compiles. `study` also compiles it and compares it with Python.
 
@@ -80,6 +81,7 @@ def generate(
         box: intervals [least, greatest] by name of an input such as "der(T)", one for each of its numbers or one for
             all. A function whose inputs all have intervals must have a solution everywhere inside; see manifest.json.
         mark: (file name, text) -> text to write; marks code that failed a check.
+        beside: texts by file name -> further files, such as a certificate.
 
     Raises GenerationError if a name is not a C identifier or is already used, and if gtmodel did not write the folder;
     ModelError if a parameter has no value.
@@ -94,6 +96,8 @@ def generate(
     faces, steps = faces_of(functions, name, along, real_of(real), box)
     texts = contents(faces, name, dict(provenance or {}), steps)
     hashes = _hashes(faces, texts[f"gt_{name}_body.c"], steps)
+    if beside is not None:
+        texts |= beside(texts)
     if mark is not None:
         texts = {file: mark(file, text) for file, text in texts.items()}
     content = manifest(name, faces, provenance or {}, texts, hashes, problem or {}, steps)

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from . import (
         calibration as calibration,
         cameras as cameras,
+        certificate as certificate,
         compliance as compliance,
         delayed as delayed,
         filters as filters,

@@ -194,7 +194,7 @@ class Generating(Protocol):
 
     def write(
         self, problem: Any, context: Context, out: Path, *, verify: bool, write_failed: bool, fmu: str | None,
-        costs: bool,
+        costs: bool, certify: bool,
     ) -> Study: ...  # fmt: skip
 
 

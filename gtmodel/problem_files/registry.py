@@ -40,6 +40,7 @@ _KINDS = {
     "delayed_feedback": "largest gain of delayed corrections from an external sensor, and the stability margins",
     "modes": "all poses in which six links of given lengths can be assembled, with a certificate",
     "postures": "all postures of a serial arm for a pose, a table of poses or a path, within its joint limits",
+    "certificate": "proof over a whole box: a solution everywhere, limits, no singular pose, bounds of round-off",
     "kinematics": "any causality of a robot at many points, and the orientation of its plate",
     "workspace": "tool centre points that a robot reaches: cross-section, boundary, volume, reasons",
     "excitation": "the motion that identifies masses and friction best, within limits",

@@ -241,17 +241,18 @@ def solve(
 
 def generate(
     loaded: Loaded, context: Context, out: Path, *, verify: bool, write_failed: bool = False, fmu: str | None = None,
-    costs: bool = False,
+    costs: bool = False, certify: bool = False,
 ) -> Finished:  # fmt: skip
     """Generate the code of a problem. With `verify` and without `write_failed`, write it only if it passed all checks.
 
-    fmu: write units of that version instead. costs: with `verify`, measure the code. Raises InputError for other kinds.
+    fmu: write units of that version instead. costs: with `verify`, measure the code. certify: prove it too. Raises
+    InputError for other kinds.
     """
     if not isinstance(loaded.kind, Generating):
         raise InputError(f"is '{loaded.problem.kind}', which generates no code; use gtmodel solve", "kind")
     with keyed(loaded), context.under_way():
         try:
-            how = {"verify": verify, "write_failed": write_failed, "fmu": fmu, "costs": costs}
+            how = {"verify": verify, "write_failed": write_failed, "fmu": fmu, "costs": costs, "certify": certify}
             outcome = loaded.kind.write(loaded.problem, context, out, **how)
         except Interrupted as stopped:
             outcome = Study(status=SolveStatus.INTERRUPTED, message=str(stopped))

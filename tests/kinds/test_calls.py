@@ -23,8 +23,8 @@ from tests.support import recordings
 PROBLEMS = sorted((Path(__file__).parents[2] / "problems").glob("*.toml"))
 SOLVED = [path for path in PROBLEMS if tomllib.loads(path.read_text(encoding="utf-8"))["kind"] != "codegen"]
 """Those that give values; of the others tests/cgen compares the folders."""
-SEVERAL = ("axis_trajectory", "trajectory_table", "codegen")
-"""Kinds of one machine axis after another, of several robots, and of compiled systems."""
+SEVERAL = ("axis_trajectory", "trajectory_table", "codegen", "certificate")
+"""Kinds of one machine axis after another, of several robots, and of compiled systems and functions."""
 WITHOUT_ROBOT = ("optimization", "modes")
 """Kinds of a model that has another key than `robot`."""
 

@@ -25,7 +25,7 @@ FOR_PEOPLE = {
     "trajectory.csv", "sensitivity.csv", "modes.csv", "map.csv", "errors.csv", "boundary.csv", "points.csv", "run.toml",
     "measurements.csv", "residuals.csv", "carts.csv", "load_tests.csv", "delays.csv", "loop_off.csv", "loop_on.csv",
     "corners.csv", "events.csv", "innovations.csv", "samples.csv", "limits.csv", "table.csv", "postures.csv",
-    "motion.csv", "robot.toml", "problem.toml", "force.csv",  # examples in sentences
+    "boxes.csv", "motion.csv", "robot.toml", "problem.toml", "force.csv",  # examples in sentences
     "gantry_tau.toml", "gantry_tau_dynamics.toml", "pyproject.toml",  # read, never written
     "element.c", "entry.c", "gt_loop_model.c", "gt_model_main.c",  # compiled where they were written
     "gt_fmu.c", "gt_fmu_model.c", "gt_fmu_step.c", "_main.c", "_selftest.c",  # in the sources of an archive

@@ -6,6 +6,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from gtmodel.certify.code import statements
 from gtmodel.cgen import CodeStudy, StepFunction, study
 from gtmodel.cgen.folder import held
 from gtmodel.compiler.causal import CausalFunction, c_name, compile_causal
@@ -39,7 +40,7 @@ def call(problem: Schema, context: Context) -> Call:
 
 def write(
     problem: Schema, context: Context, out: Path, *, verify: bool = False, write_failed: bool = False,
-    fmu: str | None = None, costs: bool = False,
+    fmu: str | None = None, costs: bool = False, certify: bool = False,
 ) -> CodeStudy | FmuStudy:  # fmt: skip
     """Generate the code into `out`.
 
@@ -47,12 +48,12 @@ def write(
     passed; with `write_failed` it is written anyway, marked in the first lines.
 
     fmu: "3", "2" or "both": functional mock-up units of these versions instead of C code.
-    costs: with `verify`, also measure machine code, stack and instructions.
+    costs: with `verify`, also measure machine code, stack and instructions. certify: prove, and write a certificate.
 
     Raises InputError for a wrong problem, ArgumentError for a folder with files that gtmodel did not write.
     """
-    if fmu is not None and costs:
-        raise InputError("--costs: only C code is measured, not a unit; leave out --fmu or --costs")
+    if fmu is not None and (costs or certify):
+        raise InputError("--costs, --certify: only C code is measured or proved, not a unit; leave them out, or --fmu")
     if fmu is not None:
         return _units(problem, context, out, fmu, verify, write_failed)
     with held(out) as folder:
@@ -65,9 +66,10 @@ def write(
         if not write_failed and not context.interrupted():
             refuse_distrusted(context, "the code")
         call_.options |= {"costs": costs} if verify else {"check": None}
-        return call_(
-            folder=folder, also=doubts(context), write_failed=write_failed, by="--write-failed", **context.work()
-        )
+        functions = call_.arguments[0] if certify else {}
+        proved = statements(functions, problem.box, call_.options["name"], problem.real, context.clock())
+        call_.options |= {"also": doubts(context) | {**proved.checks}, "beside": proved.beside}
+        return call_(folder=folder, write_failed=write_failed, by="--write-failed", **context.work())
 
 
 def _units(problem: Schema, context: Context, out: Path, fmu: str, verify: bool, write_failed: bool) -> FmuStudy:

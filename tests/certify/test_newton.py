@@ -1,0 +1,123 @@
+"""Certificates of functions with a Newton block: the solutions and the answers of the code, against fifty digits."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from mpmath import matrix, mp, mpf
+
+import gtmodel as gt
+from gtmodel.certify.newton_form import NewtonProver
+from gtmodel.cgen.newton_stages import evaluate_stages, stages
+from gtmodel.results import ArgumentError
+from tests.certify.exact import Exact
+
+MIDDLE = np.array([-1.46, -4.49, 0.02])  # m, about the middle of the controller's box
+MOVED = 0.004  # m in a cycle: 1 m/s and 4 ms
+
+
+@cache
+def six_links() -> gt.CausalFunction:
+    return gt.robots.six_link_gantry_tau("d1_six_link").causal(known="T", targets=["q", "e"])
+
+
+def box(width: float) -> dict[str, list[list[float]]]:
+    return {"T": [[c - width / 2, c + width / 2] for c in MIDDLE.tolist()]}
+
+
+def solved(residual: Exact, z: np.ndarray, a: np.ndarray) -> list:
+    """The solution near z with fifty digits."""
+    m = len(z)
+    z = [mpf(float(x)) for x in z]
+    for _ in range(4):
+        values = residual([*z, *a])
+        J = matrix(m, m)
+        for j in range(m):
+            for i in range(m):
+                J[i, j] = values[m + j * m + i]
+        step = mp.lu_solve(J, matrix(values[:m]))
+        z = [x - s for x, s in zip(z, step, strict=True)]
+    assert max(abs(s) for s in step) < mpf("1e-40")
+    return z
+
+
+@pytest.mark.parametrize("points", [20, pytest.param(10_000, marks=pytest.mark.proof)])
+def test_the_code_reaches_the_solution_from_its_last_answer(points):
+    f = six_links()
+    s = gt.certify.study(f, box(0.02), moving=gt.certify.InputSpeed(speed={"T": 1.0}, period=0.004))
+    assert s.status.ok and s.proved == 1.0 and s.steps <= 4 and set(s.claims.values()) == {"proved"}
+    assert max(s.errors.values()) < 2e-13
+    cut = stages(f, "x")
+    rng = np.random.default_rng(2)
+    lo, hi = np.array(s.box["T[0]"] and list(s.box.values())).T
+    now = lo + np.round(rng.random((points, 3)), 1) * (hi - lo)
+    before = now + rng.uniform(-MOVED, MOVED, now.shape)
+    start = f.unknowns(before)[0][0]
+    values, status = evaluate_stages(cut, [now], start, f.sizes)
+    assert not status.any()
+    residual, body = Exact(f.kernels[0].residual), Exact(cut.body)
+    for k in range(points):
+        z = solved(residual, f.unknowns(now[k : k + 1])[0][0][0], now[k])
+        exact = body([*now[k], *z])
+        for i, (name, bound) in enumerate(s.errors.items()):
+            low, high = s.ranges[name]
+            assert low <= exact[i] <= high
+            assert abs(exact[i] - mpf(values[k, i])) <= bound
+
+
+@pytest.mark.proof
+def test_the_whole_box_of_the_controller_has_one_solution_everywhere():
+    """The box of problems/d1_controller.toml, 0.6 m wide, some 20,000 boxes."""
+    s = gt.certify.study(six_links(), {"T": [[-1.76, -1.16], [-4.79, -4.19], [-0.28, 0.32]]})
+    assert s.status.ok and s.proved == 1.0 and s.claims["status OK at the solution"] == "proved"
+
+
+def test_without_a_motion_the_tolerance_bounds_the_error():
+    s = gt.certify.study(six_links(), box(0.02))
+    assert s.proved == 1.0 and s.steps is None
+    assert 1e-12 < max(s.errors.values()) < 1e-9  # the code accepts residuals of 1e-11
+
+
+def test_too_fast_a_motion_is_not_proved():
+    s = gt.certify.study(six_links(), box(0.001), moving=gt.certify.InputSpeed(speed={"T": 50.0}), max_boxes=15)
+    assert not s.status.ok and s.undecided == 1.0
+    assert not any(word == "proved" for name, word in s.claims.items() if "solution" in name or "last cycle" in name)
+
+
+def test_a_box_beyond_the_reach_is_not_proved():
+    s = gt.certify.study(six_links(), {"T": [[-1.4, -1.4], [-4.49, -4.49], [1.0, 6.0]]}, max_boxes=40)
+    assert s.proved < 1.0 and s.claims["status OK at the solution"] != "proved"
+
+
+def test_a_wrong_jacobian_does_not_pass(monkeypatch):
+    """A wrong sign in the Jacobian: its inverse at the middle does not fit the enclosures."""
+    f = six_links()
+    prover = NewtonProver(f, [], None)
+    lo, hi = (np.array(x)[:, None] for x in zip(*box(0.004)["T"], strict=True))
+    assert prover.decide(lo, hi).states[1, 0] == 1
+    real = prover._residual.over
+    m = prover.unknowns
+
+    def wrong(*a, **k):
+        e = real(*a, **k)
+        low, high = e.lo.copy(), e.hi.copy()
+        largest = m + int(np.argmax(np.abs(low[m:, 0])))
+        low[largest], high[largest] = -e.hi[largest], -e.lo[largest]
+        return e.__class__(low, high, e.error, e.continuous, e.undefined)
+
+    monkeypatch.setattr(prover._residual, "over", wrong)
+    assert prover.decide(lo, hi).states[1, 0] == 0
+
+
+def test_wrong_arguments():
+    f = six_links()
+    for arguments, named in (
+        (dict(regular=True), "regular"),
+        (dict(real="float"), "real"),
+        (dict(moving=gt.certify.InputSpeed(speed={"q": 1.0})), "moving.speed"),
+    ):
+        with pytest.raises(ArgumentError) as error:
+            gt.certify.study(f, box(0.01), **arguments)
+        assert error.value.argument == named
