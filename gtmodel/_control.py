@@ -8,11 +8,11 @@ import control
 _OF_ITS_OWN = ("updfcn", "outfcn")  # lambdas that a StateSpace makes of its matrices
 
 
-def _again(name: str, *matrices: Any) -> control.StateSpace:
+def _again(name: str, *matrices: Any) -> Any:
     return control.StateSpace(*matrices, name=name)
 
 
-def _parts(system: control.StateSpace) -> tuple[Any, ...]:
+def _parts(system: Any) -> tuple[Any, ...]:
     state = {key: value for key, value in vars(system).items() if key not in _OF_ITS_OWN}
     return _again, (system.name, system.A, system.B, system.C, system.D, system.dt), state
 

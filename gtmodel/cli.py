@@ -496,7 +496,7 @@ def certify(
 
     Exit code 0 only if all is proved in the whole box.
     """
-    solve(context, problem, settings, out, as_json, plot, max_seconds, quiet=quiet)
+    solve(context, problem, settings, out, as_json, plot, max_seconds=max_seconds, quiet=quiet)
 
 
 @app.command()
@@ -527,7 +527,8 @@ def loop(
         typer.Option(metavar="M_S2", help="Braking after a lost connection; the reference's largest if left out."),
     ] = None,
     following: Annotated[
-        float | None, typer.Option(metavar="M", help="Brake if a cart is farther from its last command; 0.25.")
+        float | None,
+        typer.Option(metavar="M", help="Brake if a cart is farther behind; by the drives if left out."),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="OUT", help="Results; DIR/loop by default.", callback=_folder)

@@ -36,6 +36,7 @@ from .one_run import (
     Reference,
     Stop,
     joint_servo,
+    lag_of,
     plant_at_start,
     run_of,
     turns,
@@ -43,6 +44,7 @@ from .one_run import (
 from .plant import PlantSource, Servo
 from .process import FULL, STATES, LoopError, trajectory_of
 
+LAGS = 1.5  # room for axes that are behind their command, over the lag at constant speed
 _ADDRESS = re.compile(r"\d{1,3}(\.\d{1,3}){3}")
 # tags of the controller
 _SENT = ("DEF_RIst", "DEF_RSol", "DEF_AIPos", "DEF_ASPos", "DEF_EIPos", "DEF_ESPos", "DEF_Delay")
@@ -152,7 +154,7 @@ def study(
     in_lockstep: bool = False,
     elastic: Annotated[float | None, Within(least=ELASTIC_HZ[0], most=ELASTIC_HZ[1])] = None,
     deceleration: Annotated[float | None, Within(above=0.0)] = None,
-    following: Annotated[float, Within(above=0.0)] = FOLLOWING_M,
+    following: Annotated[float | None, Within(above=0.0)] = None,
     built: str | Path | None = None,
     **work_options: Unpack[WorkOptions],
 ) -> LoopStudy:
@@ -178,7 +180,8 @@ def study(
         deceleration: of the fastest axis when the robot is lost [m/s2, rad/s2], after the held cycles. If None, the
             largest deceleration in the reference, or for lead_through the limit of the law.
         following: largest distance of a cart or joint from its last command [m, rad]; beyond it the loop brakes. Not
-            used with the law path, which commands no carts.
+            used with the law path, which commands no carts. If None, 0.25; with the drives of eq. (6.11) at least 1.5
+            times what they are behind at the reference's greatest speed.
         built: folder of an earlier run; its program is reused if it was built from identical files.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
@@ -232,7 +235,7 @@ def study(
                     in_lockstep,
                     elastic,
                     slowing,
-                    following,
+                    following or FOLLOWING_M,
                     work,
                 )
                 outcome = guided(guided_bench, work.title)
@@ -242,6 +245,9 @@ def study(
                 table = there_and_back(robot, motion, cycles, SLOWER.get(law, 1.0), joints=joints)
                 (place / "reference.table").write_bytes(table.to_bytes())
                 lost = Stop.of(table.rows[:cycles], deceleration)
+                if following is None:
+                    behind = lag_of(joints or 3) * lost.speed_m_s if plant is None and law != "dynamics" else 0.0
+                    following = max(FOLLOWING_M, LAGS * behind)
                 bench = Bench(
                     peer, law, robot, forward, program, place, table, cycles, in_lockstep, elastic, lost, work, plant,
                     following_m=following,

@@ -261,6 +261,12 @@ def drives_of(axes: int) -> dict[str, Any]:
     return drives | {name: np.resize(drives[name], axes).tolist() for name in "ab"}
 
 
+def lag_of(axes: int) -> float:
+    """Return how long the slowest of these drives is behind its command at constant speed [s]."""
+    drives = drives_of(axes)
+    return 1e-3 * CYCLE_MS * float(drives["delay"] + max(a / (1 - a) for a in drives["a"]))
+
+
 JOINT_RATE = 150.0  # rad/s: natural frequency of the servo of each joint, with the others held
 JOINT_DAMPING = 1.0  # of the servo
 
