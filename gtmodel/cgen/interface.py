@@ -225,7 +225,7 @@ def _has_c(f: ca.Function) -> bool:
     """Return whether CasADi writes all of the C of a function."""
     if any(g.is_a("External", True) for g in (f, *f.find_functions())):
         return False  # its C only declares what a library defines
-    generator = ca.CodeGenerator("f.c")
+    generator = ca.CodeGenerator("f")
     with contextlib.redirect_stderr(io.StringIO()):  # CasADi warns; the caller says it
         generator.add(f)
         return "#error" not in generator.dump()

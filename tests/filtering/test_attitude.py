@@ -73,6 +73,7 @@ def check_limits(study: Any, spline: tuple[float, float]) -> None:
 @pytest.mark.skipif(
     not FILE.is_file(), reason="abb_imu is not there; GTMODEL_RECORDINGS names the folder of recordings"
 )
+@pytest.mark.proof
 def test_the_measured_arm() -> None:
     study = gt.filtering.attitude_study(real_recording(), AttitudeJudging(calibrate_until=9.0, sample_period=PERIOD))
     check_limits(study, (4, 9))

@@ -107,6 +107,7 @@ def test_one_slow_filter_fails_at_the_bend():
     assert study.nis > study.nis_band[1]
 
 
+@pytest.mark.proof
 def test_a_sweep_says_where_fusion_ends():
     sweep = F.FusionSweep("acceleration_bias", (0.0, 0.01, 1.0))
     study = F.fusion_study(sweep=sweep)

@@ -56,7 +56,10 @@ def judged(recording: AttitudeRecording, **other: Any) -> Any:
     return gt.filtering.attitude_study(recording, judging)
 
 
-@pytest.mark.parametrize(("condition", "word", "per"), [("linear", "drift", 1.0), ("temperature", "thermal", 2.0)])
+@pytest.mark.parametrize(
+    ("condition", "word", "per"),
+    [pytest.param("linear", "drift", 1.0, marks=pytest.mark.proof), ("temperature", "thermal", 2.0)],
+)
 def test_a_drift_of_the_bias_is_named_and_once_estimated_its_interval_holds(
     condition: str, word: str, per: float
 ) -> None:

@@ -50,6 +50,7 @@ def test_the_numbers_of_the_documentation(pose_19) -> None:
     assert f"predicts {below:.4f} to {above:.4f}" in page and f"{rigid:.3f}" in page
 
 
+@pytest.mark.proof
 def test_the_map_is_of_synthetic_commands_and_says_so() -> None:
     study = answer(load(MAP, ["map.points=3", "map.draws=50"]), Context())
     assert study.status is SolveStatus.SOLVED and study.poses == 16 and len(study.recommended["y"]) == 6

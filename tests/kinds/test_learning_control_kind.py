@@ -151,6 +151,7 @@ def test_a_run_of_three_axes_that_miss_a_signal() -> None:
         learning.next_input(learning.LearningRobot(), run)
 
 
+@pytest.mark.proof
 def test_the_l1_with_an_elastic_tool_learns_by_a_factor_of_ten() -> None:
     # 300 samples are the whole square
     problem = load("problems/learning_l1.toml", ["learning.iterations=3", "reference.corrected=300"])

@@ -146,14 +146,10 @@ def test_freedoms_redundant_constraints_and_what_they_depend_on(name):
     idle = sum(i.count for i in m.idle)
     assert (m.mobility, idle, m.redundant, m.generic) == EXPECTED[name]
     assert m.gap < 1e-10
-
-
-@pytest.mark.parametrize("name", BY_HAND)
-def test_ranks_equal_those_of_hand_written_twists(name):
-    equations, rank, freedoms, redundant = counted(BY_HAND[name])
-    m = report(name)
-    assert (m.mobility + sum(i.count for i in m.idle), m.redundant) == (freedoms, redundant)
-    assert equations - rank == m.equations - m.rank
+    if name in BY_HAND:  # ranks equal those of twists written by hand
+        equations, rank, freedoms, redundant = counted(BY_HAND[name])
+        assert (m.mobility + idle, m.redundant) == (freedoms, redundant)
+        assert equations - rank == m.equations - m.rank
 
 
 def test_legs_with_universal_joints_at_both_ends_do_not_move_in_spite_of_their_rank():

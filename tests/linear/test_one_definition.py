@@ -24,9 +24,10 @@ EXPONENTIALS = {
     "milling/stability.py:_step",
 }  # fmt: skip
 # the second takes many rows at once beyond bisection, the third needs the rates of an integrator: Brent's method does
-# neither
+# neither; the fourth halves what may be proved of a box, which is no function
 HALVED = {
     "linear/roots.py:bisected", "geometry/chains/elbow.py:roots", "simulation/hybrid/comparisons.py:first_root",
+    "certify/certificate_study.py:_largest",
 }  # fmt: skip
 SAME = 1e-9  # of a hold computed in another way, such as by eigenvectors
 TRACE = {0.5, 0.25, 0.375}  # where a bisection looks for 1/3 in 0..1

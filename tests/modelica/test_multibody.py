@@ -113,6 +113,7 @@ def test_a_spherical_pendulum_agrees_with_euler_s_equation() -> None:
     assert np.ptp(ours["energy.stored"]) <= KEPT
 
 
+@pytest.mark.proof
 def test_a_four_bar_linkage_agrees_with_its_one_coordinate_model() -> None:
     def energies(q: Any, v: Any) -> tuple[Any, Any]:
         crank = ca.vertcat(ca.cos(q[0]), ca.sin(q[0]))

@@ -152,6 +152,7 @@ def coarse():
     return studied(free(mesh=AxisMesh(3, 3), cost=SMOOTH))
 
 
+@pytest.mark.proof
 def test_a_coarse_mesh_is_refined_until_the_checks_hold(coarse):
     o = studied(free(mesh=AxisMesh(3), cost=SMOOTH, earlier=coarse.trajectory))
     assert o.status is SolveStatus.SOLVED and (o.elements or 0) > 3, o.message

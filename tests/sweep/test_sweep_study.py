@@ -78,7 +78,8 @@ def test_200_rows_stopped_at_the_half_resume_without_repeating_one(number: int, 
     script, out = tmp_path / "script.py", tmp_path / "out"
     script.write_text(SCRIPT)
     words = [sys.executable, str(script), str(ran), str(out)]
-    with subprocess.Popen(words, env=environment(), stderr=subprocess.DEVNULL) as process:
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a job in the background would not hear Ctrl-C
+    with subprocess.Popen(words, env=environment(), stderr=subprocess.DEVNULL, preexec_fn=heard) as process:
         deadline = time.monotonic() + 60
         while len(list(out.glob("rows/*/*.json"))) < 100 and time.monotonic() < deadline:
             time.sleep(0.02)

@@ -133,9 +133,7 @@ def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction 
 def _filter(section: FilterSection, model: Model, context: Context, key: str) -> ControllerFilter:
     """The filter of one table."""
     section = from_result(section, context, key)
-    process = ProcessModel(
-        model, dict(section.noise), inputs=section.inputs, states=section.states, quaternions=section.quaternions
-    )
+    process = ProcessModel(model, section.noise, **section.model_dump(include={"inputs", "states", "quaternions"}))
     sensors: list[Sensor] = []
     for s in section.sensors:
         with naming(f"{s.name}."):
