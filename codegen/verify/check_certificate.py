@@ -213,20 +213,19 @@ def tiles(lo: list[float], hi: list[float], boxes: list[tuple[list[float], list[
 
 def checked(symbol: str, entry: dict, stated: dict, machine: Machine, tolerance: float) -> int:
     """Check one function and return the number of boxes. Raises Refused."""
-    lo, hi = ([float(pair[k]) for rows in entry["box"].values() for pair in rows] for k in (0, 1))
+    names = [m["signal"] for m in entry["inputs"]]
+    lo, hi = ([float(pair[k]) for name in names for pair in entry["box"][name]] for k in (0, 1))
     boxes = [([float(x) for x in a], [float(x) for x in b]) for a, b in stated["boxes"]]
     if not tiles(lo, hi, boxes):
         raise Refused(f"{symbol}: the boxes do not fill the box of the manifest")
-    sizes = sum(
-        (max(abs(a), abs(b)) / limit) ** 2
-        for rows, limit in zip(entry["box"].values(), entry["limits"].values(), strict=True)
-        for a, b in rows
-    )
+    sizes = sum((max(abs(a), abs(b)) / entry["limits"][name]) ** 2 for name in names for a, b in entry["box"][name])
     if not sizes * (1 + 1e-6) <= 1:
         raise Refused(f"{symbol}: inputs of the box exceed their limits")
     wanted = [(k, j) for k, m in enumerate(entry["outputs"]) for j in range(math.prod(m["shape"]))]
-    if not len(wanted) == len(stated["errors"]) == len(stated["ranges"]):
-        raise Refused(f"{symbol}: the statements do not fit the outputs")
+    results = [step[2:] for step in machine.steps if step[0] == "out"]
+    margins = [(len(entry["outputs"]), n) for n in range(len(entry["margins"]))]
+    if not len(wanted) == len(stated["errors"]) == len(stated["ranges"]) or sorted(results) != [*wanted, *margins]:
+        raise Refused(f"{symbol}: statements and manifest do not fit the outputs")
     whole = [b - a for a, b in zip(lo, hi, strict=True)]
     count, waiting = 0, list(boxes)
     while waiting:
@@ -289,6 +288,6 @@ def main(folder: Path) -> None:
 if __name__ == "__main__":
     try:
         main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parent)
-    except (Refused, KeyError, ValueError, OSError) as error:
+    except (Refused, ArithmeticError, LookupError, TypeError, ValueError, OSError) as error:
         print(f"refused: {error}")
         sys.exit(1)

@@ -148,6 +148,9 @@ def _box(function: CausalFunction, box: Mapping[str, Sequence[Sequence[float]]])
     if not intervals:
         raise ArgumentError(f"{function.name} has no inputs, so there is no box; call it", "function")
     lo, hi = np.array(intervals).T
+    with np.errstate(over="ignore"):
+        if not np.all(np.isfinite(hi - lo)):
+            raise ArgumentError("expected intervals whose width is a number; give a smaller box", "box")
     return lo, hi
 
 

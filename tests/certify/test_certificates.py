@@ -144,6 +144,18 @@ def test_a_singular_pose_is_named_and_never_proved():
     assert any("opposite signs" in word for word in across.claims.values())
 
 
+def test_a_part_too_small_for_the_sum_of_the_volumes_is_still_undecided():
+    class Near(gt.Model):
+        a = gt.variable(3, start=[1.0, 1.0, 1.0])
+        y = gt.variable()
+
+        def equations(self):
+            yield self.y == 1 / (self.a[0] ** 2 + self.a[1] ** 2 + self.a[2] ** 2)
+
+    s = study(Near().causal(known="a", targets="y"), {"a": [[-1.0, 1.0], [-1.0, 1.0], [-1.0, 1.001]]})
+    assert not s.status.ok and s.proved < 1.0 and 0 < s.undecided < 1e-20
+
+
 def test_wide_angles_and_jumps_stay_sound():
     q = ca.SX.sym("q", 2)
     f = ca.Function("f", [q], [ca.vertcat(ca.atan2(q[0], q[1]), ca.if_else(q[0] < 0.1, q[1], q[0]), ca.sin(9 * q[0]),
@@ -229,6 +241,7 @@ def test_time_limit_and_wrong_arguments(monkeypatch):
     for arguments, named in (
         (dict(box={"T": [[0, 1]]}), "box"),
         (dict(box={}), "box"),
+        (dict(box={"q": [[-1e308, 1e308]]}), "box"),  # the width is infinite
         (dict(box=CARTS, bounds={"q": [[0, 1]]}), "bounds"),
         (dict(box=CARTS, bounds={"T": [[1, 0]]}), "bounds"),
     ):

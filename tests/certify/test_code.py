@@ -100,6 +100,7 @@ TAMPERED: dict[str, Callable[[Path], None]] = {
     "a box is shorter": changed(FILE, of(f"{IK}/boxes/0/1/0", lambda x: x - 1e-3)),
     "the box of the manifest reaches further": changed(MANIFEST, of("functions/0/box/T/2/1", lambda x: x + 2.0)),
     "a pivot must be larger": changed(MANIFEST, of("functions/1/margins/1/scale", lambda s: 1e10 * s)),
+    "the manifest lacks a margin": changed(MANIFEST, of("functions/0/margins", lambda m: m[:-1])),
     "an input must be smaller": changed(MANIFEST, of("functions/0/limits/T", lambda s: 0.1)),
     "an output has no bound": changed(FILE, of(f"{IK}/errors", lambda e: e[1:])),
     "nothing is stated": changed(FILE, of("functions", lambda f: {})),
