@@ -233,19 +233,19 @@ class Controller(StepFunction, Portable):
     def notes(self) -> list[str]:
         """Return how it was made, its guarantees, and the meaning of its statuses."""
         program, horizon = self.program, self.program.horizon
-        hard = [r.name for r in program.statement.rows if not r.soft]
-        soft = [r.name for r in program.statement.rows if r.soft]
+        rows = list(zip(program.statement.rows, program.qp.stage.rows, strict=True))
+        hard, soft = ([r.name for r, q in rows if (q.price is None) == exact] for exact in (True, False))
         return [
             f"- stages: {self.reasons[0]}" + (f"; {'; '.join(self.reasons[1:])}" if self.reasons[1:] else ""),
             f"- always: at most {program.qp.max_iterations} iterations; the inputs within their limits",
             f"- planned within their limits, exactly in the linearised stages: {', '.join(hard) or 'nothing'}",
             f"- within their limits if the price allows it: {', '.join(soft) or 'nothing'}",
-            "- not promised: stability, but near the targets with the terminal cost",
+            "- not promised: stability, except near the targets with the terminal cost",
             f"- without a solution or a usable reading it follows its last plan, up to {horizon.patience} cycles in a "
             "row; then:",
             "- GT_STALE_INPUT: no usable reading",
             "- GT_NOT_CONVERGED, GT_SINGULAR: no solution of the quadratic program",
-            "- GT_NOT_FINITE: a reference is not finite, or the first reading; or an output would not be",
+            "- GT_NOT_FINITE: a reference or the first reading is not finite, or the numbers of the program overflow",
         ]
 
     def examples(self, rows: int, seed: int, real: Real) -> np.ndarray:

@@ -376,6 +376,11 @@ def test_wrong_arguments_are_named(argument: str, wrong: Any) -> None:
     assert caught.value.argument == argument
 
 
+def test_a_limit_with_a_price_is_not_promised_exactly() -> None:
+    notes = "\n".join(cart(prices={"force": (10.0, 10.0)}).notes())
+    assert "linearised stages: nothing\n" in notes and "price allows it: v, force\n" in notes
+
+
 def test_without_a_jump_no_constant_is_beyond_single_precision() -> None:
     f = cart(measured={"x": Measurement(1e-4)}, disturbance={"force": 1.0}).program.correct
     places = [k for k in range(f.n_instructions()) if f.instruction_id(k) == ca.OP_CONST]
