@@ -365,7 +365,8 @@ class Controller(StepFunction, Portable):
 
         Its inputs are the measured variables, or the states, with "_" for other signs, and NAME_goal for references;
         its outputs the inputs of the plant, the further outputs as next_NAME, and failed, lost, iterations and
-        clipped. The delay of the horizon is that of the block.
+        clipped. The delay of the horizon is that of the block. In a cycle that ends in another status than OK, failed
+        is -1 and all other outputs stay as they were: assert that it stays at least 0.
         """
         return block_of(self)
 

@@ -335,7 +335,9 @@ def _standstill(s: Statement) -> Standstill:
     kept = [r for r in ca.vertsplit(s.residuals) if not ca.depends_on(r, s.hold)] if s.residuals.numel() else []
     r = ca.vertcat(SX(0, 1), *kept)
     nlp = {"x": z, "p": s.p, "f": ca.sumsqr(r) if kept else SX(0), "g": s.rates}
-    options = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.tol": 1e-12}
+    options = {
+        "ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.tol": 1e-12, "show_eval_warnings": False,
+    }  # fmt: skip
     solver = ca.nlpsol("standstill", "ipopt", nlp, options)
     guess = np.concatenate([s.start, np.zeros(s.w.numel())])
     rest = np.asarray(solver(x0=guess, p=s.targets, lbg=0, ubg=0)["x"].full())[:, 0]
@@ -344,10 +346,12 @@ def _standstill(s: Statement) -> Standstill:
     J, G, J_p, G_p, rates, forces = (
         np.asarray(ca.DM(v).full()) for v in ca.Function("f", [z, s.p], parts)(rest, s.targets)
     )
-    if not np.abs(rates).max(initial=0.0) <= STANDSTILL:
+    largest = np.abs(rates).max(initial=0.0)
+    if not (largest <= STANDSTILL and all(np.all(np.isfinite(v)) for v in (J, G, J_p, G_p, forces))):
         raise ArgumentError(
-            f"there is no standstill at the targets; the least rate is {np.abs(rates).max():.3g}", "targets"
-        )
+            f"no standstill with finite slopes was found at the targets, from the start values and inputs of 0; the "
+            f"largest rate is {largest:.3g} there", "targets",
+        )  # fmt: skip
     kkt = np.block([[J.T @ J, G.T], [G, np.zeros((n, n))]])
     change = -np.linalg.lstsq(kkt, np.vstack([J.T @ J_p, G_p]), rcond=None)[0][: z.numel()]
     by_z = np.asarray(ca.DM(ca.Function("f", [z], [ca.jacobian(s.forces, z)])(rest)).full())

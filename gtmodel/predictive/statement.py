@@ -180,6 +180,8 @@ class Reader:
 
 def _refuse(problem: DynamicProblem) -> None:
     title = problem.flat.title
+    if not problem.state_pairs:
+        raise ModelError(f"{title}: it has no state, so there is nothing to plan; use `causal`")
     if problem.z_pairs or problem.delayed_indices:
         raise ModelError(f"{title}: its equations have no closed form; a predictive controller needs one")
     if problem.free_names:

@@ -143,6 +143,16 @@ def test_a_singular_pose_is_named_and_never_proved():
     across = study(fk, {"q": [[-3.0, 3.0], [-0.9, 1.0]]}, regular=True, max_boxes=2000)
     assert any("opposite signs" in word for word in across.claims.values())
 
+    class Kink(gt.Model):
+        a = gt.variable(start=0.5)
+        y = gt.variable()
+
+        def equations(self):
+            yield self.y == gt.absolute(self.a)
+
+    kink = study(Kink().causal(known="a", targets="y"), {"a": [[-0.4, 1.0]]}, regular=True, max_boxes=200)
+    assert kink.undecided > 0 and not any("opposite" in word for word in kink.claims.values())  # no zero between them
+
 
 def test_a_part_too_small_for_the_sum_of_the_volumes_is_still_undecided():
     class Near(gt.Model):

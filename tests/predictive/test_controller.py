@@ -403,6 +403,15 @@ def test_what_is_no_controller_is_refused_with_its_line() -> None:
             yield der(self.x1) == self.u * gt.sin(self.time / self.second)
             yield der(self.x2) == self.x1
 
+    class Static(gt.Model):
+        y = gt.variable()
+        u = gt.input()
+
+        def equations(self) -> Any:
+            yield self.y == self.u**2
+
+    with pytest.raises(gt.ModelError, match="no state"):
+        controller(Static(), ControlHorizon(period=0.1, stages=5), tolerances={"y": 1.0}, targets={"y": 1.0})
     for model, words in ((Fast(), "sum of squares"), (Ends(), "one instant"), (Late(), "time")):
         with pytest.raises(gt.ModelError, match=words):
             controller(model, ControlHorizon(period=0.1, stages=5))
