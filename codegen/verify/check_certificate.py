@@ -15,6 +15,7 @@ import math
 import re
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 from flint import arb, ctx
 
@@ -40,6 +41,10 @@ _UNARY = {
 }
 _CALL = re.compile(r"  (\w+)=(\w+)\((\w+)(?:,(\w+))?\);")
 _CALLS = re.compile(r"(?:casadi_)?(sq|fmin|fmax|sqrt|fabs|sin|cos|tanh|atan2|atan|asin|acos)f?")
+_HELPER = re.compile(r"casadi_real casadi_(\w+)\([^)]*\) *\{ *([^}]*?) *\}")
+_HELPERS = {"sq": "return x*x;", "fabs": "return fabs(x);", "fmin": "return (x <= y || y != y) ? x : y;",
+            "fmax": "return (x >= y || y != y) ? x : y;"}  # fmt: skip
+_DEFINED = re.compile(r"# *define (\w+)(.*)")
 
 
 class Refused(Exception):
@@ -50,8 +55,14 @@ class Undecided(Exception):
     """An operation that may be undefined over this box: the box is cut."""
 
 
-def operations(text: str) -> dict[str, list[tuple]]:
+def operations(text: str, real: str) -> dict[str, list[tuple]]:
     """Return the operations of every body by its C symbol: (operator, target, operands)."""
+    for name, helper in _HELPER.findall(text):
+        if _HELPERS.get(name, helper) != helper.replace("fabsf", "fabs"):
+            raise Refused(f"casadi_{name} is not the function of this name")
+    for name, value in _DEFINED.findall(text):
+        if not name.lower().strip("_").startswith("casadi") or (name == "casadi_real" and value.strip() != real):
+            raise Refused(f"the macro {name} is not expected in code in {real}")
     bodies = dict(_BODY.findall(text))
     return {symbol: _read(symbol, bodies[name]) for symbol, name in _EXPORTED.findall(text) if name in bodies}
 
@@ -78,13 +89,12 @@ def _read(symbol: str, body: str) -> list[tuple]:
     return steps
 
 
-class Value:
+class Value(NamedTuple):
     """x: encloses the exact value; e: bound of |computed - exact|; depends: positions of inputs."""
 
-    __slots__ = ("depends", "e", "x")
-
-    def __init__(self, x: arb, e: arb, depends: frozenset[int]) -> None:
-        self.x, self.e, self.depends = x, e, depends
+    x: arb
+    e: arb
+    depends: frozenset[int]
 
 
 def _product(x: arb, y: arb) -> arb:
@@ -183,8 +193,7 @@ class Machine:
             angle = ends[0].union(ends[1]).union(ends[2]).union(ends[3])
             return (angle, (a.e + b.e) / near, libm)
         if op in ("twice", "neg"):
-            factor = 2 if op == "twice" else -1
-            return (factor * a.x, abs(factor) * a.e, 0)
+            return (2 * a.x, 2 * a.e, 0) if op == "twice" else (-a.x, a.e, 0)
         if op == "fabs":
             return (a.x.abs_lower().union(a.x.abs_upper()), a.e, 0)
         pick = min if op == "fmin" else max
@@ -213,22 +222,20 @@ def tiles(lo: list[float], hi: list[float], boxes: list[tuple[list[float], list[
 
 def checked(symbol: str, entry: dict, stated: dict, machine: Machine, tolerance: float) -> int:
     """Check one function and return the number of boxes. Raises Refused."""
-    lo, hi = ([float(pair[k]) for rows in entry["box"].values() for pair in rows] for k in (0, 1))
+    names = [m["signal"] for m in entry["inputs"]]
+    lo, hi = ([float(pair[k]) for name in names for pair in entry["box"][name]] for k in (0, 1))
     boxes = [([float(x) for x in a], [float(x) for x in b]) for a, b in stated["boxes"]]
     if not tiles(lo, hi, boxes):
         raise Refused(f"{symbol}: the boxes do not fill the box of the manifest")
-    sizes = sum(
-        (max(abs(a), abs(b)) / limit) ** 2
-        for rows, limit in zip(entry["box"].values(), entry["limits"].values(), strict=True)
-        for a, b in rows
-    )
+    sizes = sum((max(abs(a), abs(b)) / entry["limits"][name]) ** 2 for name in names for a, b in entry["box"][name])
     if not sizes * (1 + 1e-6) <= 1:
         raise Refused(f"{symbol}: inputs of the box exceed their limits")
     wanted = [(k, j) for k, m in enumerate(entry["outputs"]) for j in range(math.prod(m["shape"]))]
-    if not len(wanted) == len(stated["errors"]) == len(stated["ranges"]):
-        raise Refused(f"{symbol}: the statements do not fit the outputs")
-    whole = [b - a for a, b in zip(lo, hi, strict=True)]
-    count, waiting = 0, list(boxes)
+    results = [step[2:] for step in machine.steps if step[0] == "out"]
+    margins = [(len(entry["outputs"]), n) for n in range(len(entry["margins"]))]
+    if not len(wanted) == len(stated["errors"]) == len(stated["ranges"]) or sorted(results) != [*wanted, *margins]:
+        raise Refused(f"{symbol}: statements and manifest do not fit the outputs")
+    count, waiting, whole = 0, list(boxes), [b - a for a, b in zip(lo, hi, strict=True)]
     while waiting:
         a, b = waiting.pop()
         count += 1
@@ -254,9 +261,8 @@ def _open(machine, entry, stated, wanted, tolerance, a, b) -> frozenset[int] | N
         results = machine.run(a, b)
     except Undecided:
         return frozenset()
-    margins = len(entry["outputs"])
     for n, m in enumerate(entry["margins"]):
-        v = results[margins, n]
+        v = results[len(entry["outputs"]), n]
         least = arb(tolerance) * arb(float(m["scale"])) * (1 + arb(2) ** -20)
         low, high = (v.x.lower() - v.e).lower(), (v.x.upper() + v.e).upper()
         good = low > least or (m["kind"] == "pivot" and high < -least) if m["kind"] in ("pivot", "branch") else low >= 0
@@ -278,7 +284,7 @@ def main(folder: Path) -> None:
     body = (folder / certificate["body"]).read_text()
     if hashlib.sha256(body.encode()).hexdigest() != certificate["body_sha256"] or not certificate["functions"]:
         raise Refused(f"the certificate is not one of this {certificate['body']}")
-    bodies, entries = operations(body), {e["symbol"]: e for e in manifest["functions"]}
+    bodies, entries = operations(body, manifest["real"]), {e["symbol"]: e for e in manifest["functions"]}
     for symbol, stated in certificate["functions"].items():
         entry = entries[symbol]
         machine = Machine(bodies[f"{symbol}_body"], [math.prod(m["shape"]) for m in entry["inputs"]], manifest["real"])
@@ -289,6 +295,6 @@ def main(folder: Path) -> None:
 if __name__ == "__main__":
     try:
         main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parent)
-    except (Refused, KeyError, ValueError, OSError) as error:
+    except (Refused, ArithmeticError, LookupError, TypeError, ValueError, OSError) as error:
         print(f"refused: {error}")
         sys.exit(1)

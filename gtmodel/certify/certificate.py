@@ -70,6 +70,11 @@ class BoxCertificate(Study):
             if range_ is not None:
                 rows.append(Row(f"{name}, from and to", listed(range_)))
             if error is not None:
-                word = "" if single is None else f"; in float {single:.3g}"
-                rows.append(Row(f"round-off of {name}, at most", f"{error:.3g}{word}"))
+                word = "" if single is None else f"; in float {_above(single)}"
+                rows.append(Row(f"round-off of {name}, at most", f"{_above(error)}{word}"))
         return rows + [Row("assumed", sentence) for sentence in self.assumptions]
+
+
+def _above(bound: float) -> str:
+    """Return three digits of a bound, not rounded below it."""
+    return f"{1.0051 * bound:.3g}"

@@ -148,6 +148,9 @@ def _box(function: CausalFunction, box: Mapping[str, Sequence[Sequence[float]]])
     if not intervals:
         raise ArgumentError(f"{function.name} has no inputs, so there is no box; call it", "function")
     lo, hi = np.array(intervals).T
+    with np.errstate(over="ignore"):
+        if not np.all(np.isfinite(hi - lo)):
+            raise ArgumentError("expected intervals whose width is a number; give a smaller box", "box")
     return lo, hi
 
 
@@ -243,9 +246,9 @@ def _at(names: Sequence[str], point: Array) -> str:
 
 def _opposite(prover: ClosedFormProver, leaves: Leaves) -> tuple[Array, Array] | None:
     """Return two points at which the determinant of the Jacobian has opposite signs, both certain, or None. The status
-    is OK everywhere, so the determinant has a zero between them."""
+    is OK everywhere and nothing jumps, so the determinant has a zero between them."""
     rows = [k for k, c in enumerate(prover.claims) if c.kind == STATUS]
-    if not (leaves.states[rows] > 0).all():
+    if not (leaves.states[rows] > 0).all() or not prover.continuous(leaves.lo, leaves.hi):
         return None
     middle = 0.5 * (leaves.lo + leaves.hi)
     signs = prover.sign(middle)

@@ -89,7 +89,8 @@ def _intervals(signal: CausalSignal, rows: Sequence[Sequence[float]]) -> list[tu
         pairs = []
     if len(pairs) not in (1, signal.size) or not all(a < b for a, b in pairs):
         raise ArgumentError(
-            f"'{signal.name}' has {signal.size} numbers; give an interval [least, greatest] for each, or one for all",
+            f"'{signal.name}' has {signal.size} numbers; give [least, greatest], the first below the second, for each, "
+            "or one for all",
             "bounds",
         )
     return pairs * (signal.size if len(pairs) == 1 else 1)

@@ -113,6 +113,11 @@ class ClosedFormProver:
         shape = (self.tape.inputs, self.targets, -1)
         return Interval(*(x.reshape(shape).transpose(2, 1, 0) for x in (lo, hi)))
 
+    def continuous(self, lo: Array, hi: Array) -> bool:
+        """Return whether neither the outputs nor their Jacobian jump in any box."""
+        tapes = [t for t in (self.tape, self._jacobian) if t is not None]
+        return all(bool(t.over(lo, hi).continuous.all()) for t in tapes)
+
     def sign(self, points: Array) -> Array:
         """Return the sign of the determinant of a square Jacobian at points, 0 if it is not certain."""
         assert self._jacobian is not None

@@ -69,7 +69,7 @@ class Statements:
             "",
         ]
         for key, entry in self.functions.items():
-            bounds = ", ".join(f"{n} {e:.2g}" for n, e in zip(entry["outputs"], entry["errors"], strict=True))
+            bounds = ", ".join(f"{n} {e:.3g}" for n, e in zip(entry["outputs"], entry["errors"], strict=True))
             lines.append(f"- `gt_{name}_{key}` returns GT_OK; round-off of the outputs at most {bounds} (SI units).")
         lines += [f"- `gt_{name}_{key}`: nothing is proved, since {why}." for key, why in self.left_out.items()]
         return "\n".join(lines) + "\n"

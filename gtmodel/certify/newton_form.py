@@ -223,7 +223,7 @@ class _Region:
         w = 2.0 * g.magnitude[:, :, 0] + floor
         self.proved, best = np.zeros(n, dtype=bool), np.full((n, m), np.nan)
         for _ in range(ATTEMPTS):
-            tube = Interval(self._tube.lo - w.T, self._tube.hi + w.T)
+            tube = self._tube.widened(w.T)
             K = add(
                 negative(g),
                 product(remainder(self.inverse, self._jacobian(tube)), Interval(-w[:, :, None], w[:, :, None])),
@@ -234,7 +234,7 @@ class _Region:
             self.proved |= inside
             w = np.where(self.proved[:, None], best, 1.3 * mapped + floor)
         self.w = Interval(-best.T, best.T)
-        self.z = Interval(np.nextafter(self._tube.lo - best.T, -np.inf), np.nextafter(self._tube.hi + best.T, np.inf))
+        self.z = self._tube.widened(best.T)
         self.reached, self.steps = np.zeros(n, dtype=bool), np.zeros(n)
 
     def corners(self, z: Interval, low: Array, high: Array) -> tuple[Array, Array]:
@@ -242,9 +242,11 @@ class _Region:
         return np.vstack([z.lo, low]), np.vstack([z.hi, high])
 
     def _jacobian(self, z: Interval) -> Interval:
+        """NaN where the residual or its Jacobian may jump, which no theorem here allows."""
         m = self.prover.unknowns
         e = self.prover._residual.over(*self.corners(z, self.low, self.high))
-        return Interval(*(x[m:].reshape(m, m, -1).transpose(2, 1, 0) for x in (e.lo, e.hi)))
+        ends = (np.where(e.continuous, x[m:], np.nan) for x in (e.lo, e.hi))
+        return Interval(*(x.reshape(m, m, -1).transpose(2, 1, 0) for x in ends))
 
     def _jacobian_by_a(self, z: Interval) -> Interval:
         m = self.prover.unknowns
@@ -253,8 +255,7 @@ class _Region:
 
     def z_around(self, distance: Array) -> Interval:
         """Return the region widened by a distance in nominals."""
-        wide = distance * self.prover.scale[:, None] * GROWN
-        return Interval(self.z.lo - wide, self.z.hi + wide)
+        return self.z.widened(distance * self.prover.scale[:, None] * GROWN)
 
     def around(self, distance: Array) -> Interval:
         """Return the Jacobian over the widened region."""

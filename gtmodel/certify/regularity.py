@@ -22,10 +22,12 @@ def product(a: Interval, b: Interval) -> Interval:
 def upper_norm(matrices: Array) -> Array:
     """Return upper bounds (n,) of the spectral norm of matrices (n, i, j) with entries of at most these sizes: the
     eighth root of a row sum of (A A')^4, whose round-off is far below 1e-10 of its norm."""
-    square = matrices @ matrices.transpose(0, 2, 1)
+    size = np.maximum(np.abs(matrices).max(axis=(1, 2)), 1e-300)  # the eighth power must not underflow
+    scaled = matrices / size[:, None, None]
+    square = scaled @ scaled.transpose(0, 2, 1)
     for _ in range(2):
         square = square @ square
-    return np.abs(square).sum(axis=2).max(axis=1) ** 0.125 * (1.0 + 1e-10)
+    return size * np.abs(square).sum(axis=2).max(axis=1) ** 0.125 * (1.0 + 1e-10)
 
 
 def remainder(inverses: Array, matrices: Interval) -> Interval:

@@ -64,8 +64,8 @@ def _product(x: list[Interval], e: list[Array], _: Interval) -> Array:
 
 
 def _quotient(x: list[Interval], e: list[Array], result: Interval) -> Array:
-    # a'/b' - a/b = ((a' - a) - (a/b) (b' - b)) / b'
-    return _over(e[0] + result.magnitude * e[1], _reduced(x[1].mignitude, e[1]))
+    # a'/b' - a/b = ((a' - a) - (a/b) (b' - b)) / b'; never zero, since b' may be zero even if a is
+    return _over(e[0] + np.nextafter(result.magnitude * e[1], np.inf), _reduced(x[1].mignitude, e[1]))
 
 
 def _inverse(x: list[Interval], e: list[Array], result: Interval) -> Array:

@@ -60,8 +60,10 @@ class Leaves:
         )
 
     def volume(self, verdict: int) -> float:
-        """Share of the whole volume with this verdict, from 0 to 1."""
-        return float(self.share[self.verdicts == verdict].sum())
+        """Share of the whole volume with this verdict, from 0 to 1; 1 only if all boxes have it, however small the
+        others are."""
+        chosen = self.verdicts == verdict
+        return 1.0 if chosen.all() else min(float(self.share[chosen].sum()), 1.0 - 2.0**-53)
 
 
 def subdivide(

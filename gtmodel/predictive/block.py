@@ -13,6 +13,7 @@ from ..lang.declare import discrete, input, output, part
 from ..lang.events import SampledBlock
 from ..lang.functions import der
 from ..lang.model import Model, dependent
+from ..results.agreement import described
 from ..results.refusal import ArgumentError
 from ..results.status import Status
 
@@ -99,6 +100,8 @@ def _variable(model: Model, name: str) -> Any:
 
 def closed_loop(law: Controller, plant: Model) -> Model:
     """See `Controller.around`."""
+    if not isinstance(plant, Model):
+        raise ArgumentError(f"expected a configured model; found {described(plant)}", "plant")
     horizon = law.program.horizon
     if horizon.preview and law.goals:
         raise ArgumentError("expected a controller without preview; use block() in a model of your own", "preview")

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
-from typing import Any
+from typing import Annotated, Any
 
 import casadi as ca
 import numpy as np
@@ -17,13 +17,14 @@ from ..cgen.steps.function import StepFunction, StepMember, StepTwin, dtype_of, 
 from ..lang.events import SampledBlock
 from ..lang.model import Model
 from ..lang.source import ModelError
+from ..results.agreement import Within, agree
 from ..results.refusal import ArgumentError
 from ..results.status import Status
 from .block import block_of, closed_loop
 from .converged import ConvergedPlan, converged
 from .cycle import CycleTwin, kernels_of, text_of
 from .discretised import Discretised
-from .options import ControlHorizon, Measurement
+from .options import ControlHorizon, Measurement, numbers
 from .statement import Reader, Wishes
 
 PRICE = (1e3, 1e3)  # of a soft limit, by its size
@@ -90,6 +91,10 @@ def controller(
     """
     if not isinstance(model, Model):
         raise ArgumentError(f"expected a configured model; found {type(model).__name__}", "model")
+    agree(horizon, ControlHorizon, "horizon")
+    agree(disturbance, Mapping[str, float] | None, "disturbance")
+    for name, texts in (("references", references), ("outputs", outputs), ("prefer", prefer)):
+        agree(texts, Sequence[str], name)
     for name, value in (measured or {}).items():
         if not isinstance(value, Measurement):
             raise ArgumentError(f"expected gt.predictive.Measurement(...); found {value!r}", f"measured.{name}")
@@ -228,19 +233,19 @@ class Controller(StepFunction, Portable):
     def notes(self) -> list[str]:
         """Return how it was made, its guarantees, and the meaning of its statuses."""
         program, horizon = self.program, self.program.horizon
-        hard = [r.name for r in program.statement.rows if not r.soft]
-        soft = [r.name for r in program.statement.rows if r.soft]
+        rows = list(zip(program.statement.rows, program.qp.stage.rows, strict=True))
+        hard, soft = ([r.name for r, q in rows if (q.price is None) == exact] for exact in (True, False))
         return [
             f"- stages: {self.reasons[0]}" + (f"; {'; '.join(self.reasons[1:])}" if self.reasons[1:] else ""),
             f"- always: at most {program.qp.max_iterations} iterations; the inputs within their limits",
             f"- planned within their limits, exactly in the linearised stages: {', '.join(hard) or 'nothing'}",
             f"- within their limits if the price allows it: {', '.join(soft) or 'nothing'}",
-            "- not promised: stability, but near the targets with the terminal cost",
+            "- not promised: stability, except near the targets with the terminal cost",
             f"- without a solution or a usable reading it follows its last plan, up to {horizon.patience} cycles in a "
             "row; then:",
             "- GT_STALE_INPUT: no usable reading",
             "- GT_NOT_CONVERGED, GT_SINGULAR: no solution of the quadratic program",
-            "- GT_NOT_FINITE: a reference is not finite, or the first reading; or an output would not be",
+            "- GT_NOT_FINITE: a reference or the first reading is not finite, or the numbers of the program overflow",
         ]
 
     def examples(self, rows: int, seed: int, real: Real) -> np.ndarray:
@@ -278,8 +283,20 @@ class Controller(StepFunction, Portable):
         return record(self.inputs, real, values)
 
     def begin(self, x: Any = None) -> ControllerRun:
-        """Return a running instance in Python, from a state x (n,); by default at rest at the targets."""
-        return ControllerRun(self, self.program.standstill.x if x is None else np.asarray(x, float))
+        """Return a running instance in Python, from a state x, (n,) or by name; by default at rest at the targets."""
+        return ControllerRun(self, self.program.standstill.x if x is None else self._state(x))
+
+    def _state(self, x: Any) -> np.ndarray:
+        """State (n,) from numbers, or from values by name. Raises ArgumentError."""
+        names = [s.name for s in self.program.statement.states]
+        if isinstance(x, Mapping):
+            if set(x) != set(names):
+                raise ArgumentError(f"expected the states {', '.join(names)}; found {', '.join(map(str, x))}", "x")
+            x = [x[name] for name in names]
+        state = numbers(x, "x")
+        if state.shape != (len(names),) or not np.all(np.isfinite(state)):
+            raise ArgumentError(f"expected {len(names)} finite numbers, for {', '.join(names)}; found {x!r}", "x")
+        return state
 
     def converge(
         self, x: Any, goals: Mapping[str, Any] | None = None, *, d: Any = 0.0, start: ConvergedPlan | None = None,
@@ -305,9 +322,15 @@ class Controller(StepFunction, Portable):
         >>> plan.status.name, plan.inputs[0].round(6)
         ('OK', array([-1.]))
         """
-        state = [x[s.name] for s in self.program.statement.states] if isinstance(x, Mapping) else x
-        shift = np.broadcast_to(np.asarray(d, float), (self.program.d.numel(),))
-        return converged(self, np.asarray(state, float), goals or {}, shift, start, max_iterations, tolerance)
+        agree(max_iterations, Annotated[int, Within(least=1)], "max_iterations")
+        agree(tolerance, Annotated[float, Within(above=0.0)], "tolerance")
+        state, shift, nd = self._state(x), numbers(d, "d"), self.program.d.numel()
+        if shift.shape not in ((), (nd,)) or not np.all(np.isfinite(shift)) or (nd == 0 and np.any(shift)):
+            raise ArgumentError(f"expected {nd} finite numbers, one for each estimated disturbance; found {d!r}", "d")
+        if start is not None and start.v.shape != (self.program.qp.count, self.program.qp.stage.inputs):
+            raise ArgumentError("expected a plan of this controller; found one of another size", "start")
+        shift = np.broadcast_to(shift, (nd,))
+        return converged(self, state, goals or {}, shift, start, max_iterations, tolerance)
 
     def references_of(self, goals: Mapping[str, Any]) -> np.ndarray:
         """Return the references of all stages and the end, (numbers, stages + 1), with the targets for those left out.
@@ -330,7 +353,7 @@ class Controller(StepFunction, Portable):
         rows = self.program.qp.count + 1 if self.program.horizon.preview else 1
         for k in self.inputs:
             if k.name in values:
-                array, own = np.asarray(values[k.name], float), k.count // (rows if k in self.goals else 1)
+                array, own = numbers(values[k.name], k.name), k.count // (rows if k in self.goals else 1)
                 if array.size not in (k.count, own):
                     raise ArgumentError(f"expected {k.count} numbers; found {array.size}", k.name)
                 array = np.tile(array.ravel(), k.count // array.size)
@@ -342,7 +365,8 @@ class Controller(StepFunction, Portable):
 
         Its inputs are the measured variables, or the states, with "_" for other signs, and NAME_goal for references;
         its outputs the inputs of the plant, the further outputs as next_NAME, and failed, lost, iterations and
-        clipped. The delay of the horizon is that of the block.
+        clipped. The delay of the horizon is that of the block. In a cycle that ends in another status than OK, failed
+        is -1 and all other outputs stay as they were: assert that it stays at least 0.
         """
         return block_of(self)
 
@@ -405,9 +429,11 @@ class ControllerRun(Portable):
                 raise ArgumentError(f"there is no reading of '{name}'", "measured")
         if unknown := [name for name in measured if name not in names]:
             raise ArgumentError(f"'{unknown[0]}' is not measured; expected {', '.join(names)}", "measured")
-        values = {name: np.asarray(measured[name], float) for name in names}
+        values: dict[str, Any] = {name: numbers(measured[name], f"measured.{name}") for name in names}
         if law.program.observer is None:
-            values = {"x": np.array([float(values[name]) for name in names])}
+            if several := [name for name in names if values[name].size != 1]:
+                raise ArgumentError(f"expected 1 number; found {values[several[0]].size}", f"measured.{several[0]}")
+            values = {"x": np.array([values[name].item() for name in names])}
         inputs = law._filled(values, goals or {})
         outputs = record(law.outputs, DOUBLE)
         status = self.twin.step(self.state, inputs, outputs)

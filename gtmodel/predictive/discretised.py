@@ -21,7 +21,7 @@ from ..filtering.manifold import Manifold, StatePart
 from ..filtering.transition import runge_kutta
 from ..linear.state_space import settled_covariance
 from ..results.refusal import ArgumentError
-from .options import ControlHorizon, Measurement
+from .options import FOREVER, ControlHorizon, Measurement, numbers
 from .stage import HorizonStage, LimitedRow
 from .stage_qp import StageQP
 from .statement import Statement
@@ -103,6 +103,9 @@ class Discretised(Portable):
     ) -> None:  # fmt: skip
         self.statement, self.horizon = s, horizon
         n, m = s.x.numel(), s.v.numel()
+        limited = {name for r in s.rows for name in (r.name, r.name.split("[")[0])}
+        _refuse_others(prices, limited, "prices", "has no limit")
+        _refuse_others(disturbance, {i.name for i in s.inputs}, "disturbance", "is no input")
         self.d = SX.sym("d", m if disturbance else 0)
         shift = self.d if disturbance else SX.zeros(m)
         self.standstill = _standstill(s)
@@ -246,7 +249,7 @@ class Discretised(Portable):
         y, o = SX.sym("y", s.measured.numel()), self.observer
         e = y - s.measured
         far = SX(0)
-        for k in range(e.numel()):
+        for k in np.flatnonzero(o.jump < FOREVER).tolist():  # which float cannot hold
             far = ca.fmax(far, ca.fabs(e[k]) / float(o.jump[k]))
         x, d = s.x + ca.mtimes(SX(o.x), e), self.d + ca.mtimes(SX(o.d), e)
         return _functions("correct", [s.x, self.d, y], [x, d, far])
@@ -255,6 +258,12 @@ class Discretised(Portable):
 def _bounded(e: Any, low: float, high: float) -> Any:
     e = ca.fmin(e, high) if np.isfinite(high) else e
     return ca.fmax(e, low) if np.isfinite(low) else e
+
+
+def _refuse_others(given: Mapping[str, Any], known: set[str], argument: str, what: str) -> None:
+    for name in given:
+        if name not in known:
+            raise ArgumentError(f"'{name}' {what}; expected {', '.join(sorted(known)) or 'none'}", argument)
 
 
 def _spread(disturbance: Mapping[str, float], name: str) -> float:
@@ -306,10 +315,16 @@ def _limits(
         r = s.rows[k]
         value = entries.affine(rows[k] / r.size, z, at)
         low, high = (b / r.size if np.isfinite(b) else None for b in (r.low, r.high))
-        own = prices.get(r.name, prices.get(r.name.split("[")[0]))
-        if own is not None and np.shape(own) != (2,):
-            raise ArgumentError(f"expected a linear and a quadratic price; found {own!r}", f"prices.{r.name}")
-        given = (float(own[0]), float(own[1])) if own is not None else (price if r.soft else None)
+        name = r.name if r.name in prices else r.name.split("[")[0]
+        given = price if r.soft else None
+        if name in prices:
+            own = numbers(prices[name], f"prices.{name}")
+            if own.shape != (2,) or not (np.all((own >= 0) & np.isfinite(own)) and own.any()):
+                raise ArgumentError(
+                    f"expected a linear and a quadratic price of at least 0, not both 0; found {prices[name]!r}",
+                    f"prices.{name}",
+                )
+            given = (float(own[0]), float(own[1]))
         limits.append(LimitedRow(value, low, high, given))
     return limits
 
@@ -320,7 +335,9 @@ def _standstill(s: Statement) -> Standstill:
     kept = [r for r in ca.vertsplit(s.residuals) if not ca.depends_on(r, s.hold)] if s.residuals.numel() else []
     r = ca.vertcat(SX(0, 1), *kept)
     nlp = {"x": z, "p": s.p, "f": ca.sumsqr(r) if kept else SX(0), "g": s.rates}
-    options = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.tol": 1e-12}
+    options = {
+        "ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.tol": 1e-12, "show_eval_warnings": False,
+    }  # fmt: skip
     solver = ca.nlpsol("standstill", "ipopt", nlp, options)
     guess = np.concatenate([s.start, np.zeros(s.w.numel())])
     rest = np.asarray(solver(x0=guess, p=s.targets, lbg=0, ubg=0)["x"].full())[:, 0]
@@ -329,10 +346,12 @@ def _standstill(s: Statement) -> Standstill:
     J, G, J_p, G_p, rates, forces = (
         np.asarray(ca.DM(v).full()) for v in ca.Function("f", [z, s.p], parts)(rest, s.targets)
     )
-    if not np.abs(rates).max(initial=0.0) <= STANDSTILL:
+    largest = np.abs(rates).max(initial=0.0)
+    if not (largest <= STANDSTILL and all(np.all(np.isfinite(v)) for v in (J, G, J_p, G_p, forces))):
         raise ArgumentError(
-            f"there is no standstill at the targets; the least rate is {np.abs(rates).max():.3g}", "targets"
-        )
+            f"no standstill with finite slopes was found at the targets, from the start values and inputs of 0; the "
+            f"largest rate is {largest:.3g} there", "targets",
+        )  # fmt: skip
     kkt = np.block([[J.T @ J, G.T], [G, np.zeros((n, n))]])
     change = -np.linalg.lstsq(kkt, np.vstack([J.T @ J_p, G_p]), rcond=None)[0][: z.numel()]
     by_z = np.asarray(ca.DM(ca.Function("f", [z], [ca.jacobian(s.forces, z)])(rest)).full())

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
+import numpy as np
+
+from ..results.agreement import described
 from ..results.options import Options, Unit, Within
 from ..results.refusal import ArgumentError
 
 FOREVER = 1e300  # a jump that is never exceeded
+
+
+def numbers(value: Any, argument: str) -> np.ndarray:
+    """Return an array of numbers, which may be NaN or infinite. Raises ArgumentError for anything else."""
+    try:
+        return np.asarray(value, float)
+    except (TypeError, ValueError):
+        raise ArgumentError(f"expected numbers; found {described(value)}", argument) from None
 
 
 @dataclass(frozen=True)

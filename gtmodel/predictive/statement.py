@@ -27,7 +27,7 @@ from ..optimize.formulation.dynamic import DynamicProblem
 from ..optimize.formulation.horizon import declared_name, start_of
 from ..optimize.formulation.problem import build
 from ..results.refusal import ArgumentError
-from .options import Measurement
+from .options import Measurement, numbers
 
 SX = ca.SX
 
@@ -172,7 +172,7 @@ class Reader:
 
     def values(self, name: str, at: Mapping[str, Any], argument: str, size: int) -> np.ndarray:
         """Numbers of a name, one for each entry."""
-        array = np.asarray(at[name], float)
+        array = numbers(at[name], f"{argument}.{name}")
         if array.size not in (1, size) or not np.all(np.isfinite(array)):
             raise ArgumentError(f"expected {size} finite numbers; found {at[name]!r}", f"{argument}.{name}")
         return np.broadcast_to(array.ravel(), (size,)).copy()
@@ -180,6 +180,8 @@ class Reader:
 
 def _refuse(problem: DynamicProblem) -> None:
     title = problem.flat.title
+    if not problem.state_pairs:
+        raise ModelError(f"{title}: it has no state, so there is nothing to plan; use `causal`")
     if problem.z_pairs or problem.delayed_indices:
         raise ModelError(f"{title}: its equations have no closed form; a predictive controller needs one")
     if problem.free_names:
@@ -256,7 +258,7 @@ class _Assembly:
         low, high = problem.u_bounds.low[: len(self.names)].copy(), problem.u_bounds.high[: len(self.names)].copy()
         rows = self._declared_rows()
         for signal in reader.limited:
-            pairs = np.asarray(wishes.limits[signal.name], float)
+            pairs = numbers(wishes.limits[signal.name], f"limits.{signal.name}")
             if pairs.shape not in ((2,), (signal.size, 2)) or np.any(np.isnan(pairs)):
                 raise ArgumentError(f"expected [low, high], or one pair for each of {signal.size} entries",
                                     f"limits.{signal.name}")  # fmt: skip
@@ -265,13 +267,26 @@ class _Assembly:
                 if not a < b:
                     raise ArgumentError(f"expected a low limit below the high one; found {a:g} and {b:g}",
                                         f"limits.{signal.name}")  # fmt: skip
+                if math.isinf(a) and math.isinf(b):
+                    raise ArgumentError("expected a finite low or high limit", f"limits.{signal.name}")
                 if name in self.names:
                     i = self.names.index(name)
+                    if not max(low[i], a) < min(high[i], b):
+                        raise ArgumentError(
+                            f"expected limits that leave room within {low[i]:g} to {high[i]:g} of the model; found "
+                            f"{a:g} and {b:g}", f"limits.{signal.name}",
+                        )  # fmt: skip
                     low[i], high[i] = max(low[i], a), min(high[i], b)
                 else:
                     rows.append((name, at[signal.name][k], a, b, size_of(a, b)))
         rows += [(self.names[i], problem.u[i], low[i], high[i], size_of(low[i], high[i]))
                  for i in range(len(self.names)) if np.isfinite(low[i]) or np.isfinite(high[i])]  # fmt: skip
+        for name, _, a, b, _ in rows:
+            if not a < b:
+                raise ModelError(
+                    f"{flat.title}: {name} has no room between its limits {a:g} and {b:g}; a predictive controller "
+                    "needs a low limit below the high one"
+                )
         commanded = self.moved([e for _, e, *_ in rows], True)
         limited = [
             LimitedQuantity(name, e, a, b, size, not ca.depends_on(e, ca.vertcat(self.v, self.w)))

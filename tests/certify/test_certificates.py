@@ -143,6 +143,28 @@ def test_a_singular_pose_is_named_and_never_proved():
     across = study(fk, {"q": [[-3.0, 3.0], [-0.9, 1.0]]}, regular=True, max_boxes=2000)
     assert any("opposite signs" in word for word in across.claims.values())
 
+    class Kink(gt.Model):
+        a = gt.variable(start=0.5)
+        y = gt.variable()
+
+        def equations(self):
+            yield self.y == gt.absolute(self.a)
+
+    kink = study(Kink().causal(known="a", targets="y"), {"a": [[-0.4, 1.0]]}, regular=True, max_boxes=200)
+    assert kink.undecided > 0 and not any("opposite" in word for word in kink.claims.values())  # no zero between them
+
+
+def test_a_part_too_small_for_the_sum_of_the_volumes_is_still_undecided():
+    class Near(gt.Model):
+        a = gt.variable(3, start=[1.0, 1.0, 1.0])
+        y = gt.variable()
+
+        def equations(self):
+            yield self.y == 1 / (self.a[0] ** 2 + self.a[1] ** 2 + self.a[2] ** 2)
+
+    s = study(Near().causal(known="a", targets="y"), {"a": [[-1.0, 1.0], [-1.0, 1.0], [-1.0, 1.001]]})
+    assert not s.status.ok and s.proved < 1.0 and 0 < s.undecided < 1e-20
+
 
 def test_wide_angles_and_jumps_stay_sound():
     q = ca.SX.sym("q", 2)
@@ -229,6 +251,7 @@ def test_time_limit_and_wrong_arguments(monkeypatch):
     for arguments, named in (
         (dict(box={"T": [[0, 1]]}), "box"),
         (dict(box={}), "box"),
+        (dict(box={"q": [[-1e308, 1e308]]}), "box"),  # the width is infinite
         (dict(box=CARTS, bounds={"q": [[0, 1]]}), "bounds"),
         (dict(box=CARTS, bounds={"T": [[1, 0]]}), "bounds"),
     ):

@@ -10,6 +10,7 @@ import pytest
 from mpmath import mpf
 
 from gtmodel.certify.intervals import OPERATIONS, Interval, outward
+from gtmodel.certify.regularity import upper_norm
 from gtmodel.certify.rounding import DOUBLE, FLOAT, error
 from tests.certify.exact import OPERATIONS as EXACT
 
@@ -108,6 +109,16 @@ def test_undefined_operations_prove_nothing():
         with np.errstate(all="ignore"):
             assert np.isnan(OPERATIONS[op](around).lo).all()
     assert np.isnan(OPERATIONS[ca.OP_SIGN](Interval(*np.full((2, 1), np.nan))).lo).all()
+
+
+def test_zero_over_a_divisor_that_may_be_computed_as_zero_has_no_error_bound():
+    zero, small = Interval(np.zeros(1), np.zeros(1)), Interval(np.full(1, 1e-20), np.ones(1))
+    errors = [np.zeros(1), np.full(1, 1e-15)]
+    assert np.isnan(error(ca.OP_DIV, [zero, small], errors, OPERATIONS[ca.OP_DIV](zero, small), DOUBLE)).all()
+
+
+def test_the_norm_of_tiny_numbers_does_not_vanish():
+    assert upper_norm(np.full((1, 2, 2), 1e-60))[0] >= 2e-60
 
 
 def test_rounding_is_to_nearest_with_denormal_numbers():

@@ -121,3 +121,17 @@ def test_wrong_arguments():
         with pytest.raises(ArgumentError) as error:
             gt.certify.study(f, box(0.01), **arguments)
         assert error.value.argument == named
+
+
+def test_a_residual_that_jumps_is_not_proved():
+    class Jumping(gt.Model):
+        a = gt.variable(start=0.5)
+        z = gt.variable(start=0.5)
+
+        def equations(self):
+            yield self.z + 0.3 * gt.sin(self.z) == self.a + 1e-3 * gt.sign(self.a - 0.4)
+
+    f = Jumping().causal(known="a", targets="z")
+    assert len(f.kernels) == 1
+    s = gt.certify.study(f, {"a": [[0.3, 0.5]]}, max_boxes=30)
+    assert 0 < s.proved < 1.0 and not s.status.ok

@@ -355,12 +355,36 @@ def test_c_of_the_l1_and_of_a_preview_equals_python(tmp_path: Path) -> None:
         ("measured", lambda: cart().begin().step({"x": 1.0})),
         ("goals", lambda: cart().begin().step({"x": 1.0, "v": 0.0}, {"v": 1.0})),
         ("x", lambda: cart().begin([np.nan, 0.0])),
+        ("x", lambda: cart().begin([0.0, 0.0, 0.0])),
+        ("x", lambda: cart().converge([1.0])),
+        ("x", lambda: cart().converge({"x": 1.0})),
+        ("d", lambda: cart().converge([1.0, 0.0], d=1.0)),
+        ("x.goal", lambda: cart().begin().step({"x": 1.0, "v": 0.0}, {"x": "a"})),
+        ("measured.x", lambda: cart().begin().step({"x": [1.0, 2.0], "v": 0.0})),
+        ("horizon", lambda: controller(Cart(), 0.05, tolerances={"x": 1.0})),  # type: ignore[arg-type]
+        ("limits.v", lambda: cart(limits={"v": (-np.inf, np.inf)})),
+        ("limits.force", lambda: cart(limits={"force": (5.0, 6.0)})),  # the model allows -4 to 4
+        ("prices", lambda: cart(prices={"w": (1.0, 1.0)})),
+        ("prices.v", lambda: cart(prices={"v": (-1.0, 1.0)})),
+        ("disturbance", lambda: cart(measured={"x": Measurement(1e-4)}, disturbance={"force": 1.0, "g": 1.0})),
+        ("plant", lambda: cart().around(Cart)),  # type: ignore[arg-type]
     ],
 )
 def test_wrong_arguments_are_named(argument: str, wrong: Any) -> None:
     with pytest.raises(ArgumentError) as caught:
         wrong()
     assert caught.value.argument == argument
+
+
+def test_a_limit_with_a_price_is_not_promised_exactly() -> None:
+    notes = "\n".join(cart(prices={"force": (10.0, 10.0)}).notes())
+    assert "linearised stages: nothing\n" in notes and "price allows it: v, force\n" in notes
+
+
+def test_without_a_jump_no_constant_is_beyond_single_precision() -> None:
+    f = cart(measured={"x": Measurement(1e-4)}, disturbance={"force": 1.0}).program.correct
+    places = [k for k in range(f.n_instructions()) if f.instruction_id(k) == ca.OP_CONST]
+    assert max(abs(f.instruction_constant(k)) for k in places) < np.finfo(np.float32).max
 
 
 def test_what_is_no_controller_is_refused_with_its_line() -> None:
@@ -379,6 +403,15 @@ def test_what_is_no_controller_is_refused_with_its_line() -> None:
             yield der(self.x1) == self.u * gt.sin(self.time / self.second)
             yield der(self.x2) == self.x1
 
+    class Static(gt.Model):
+        y = gt.variable()
+        u = gt.input()
+
+        def equations(self) -> Any:
+            yield self.y == self.u**2
+
+    with pytest.raises(gt.ModelError, match="no state"):
+        controller(Static(), ControlHorizon(period=0.1, stages=5), tolerances={"y": 1.0}, targets={"y": 1.0})
     for model, words in ((Fast(), "sum of squares"), (Ends(), "one instant"), (Late(), "time")):
         with pytest.raises(gt.ModelError, match=words):
             controller(model, ControlHorizon(period=0.1, stages=5))
