@@ -89,7 +89,9 @@ def minimised(
         flat, near = step.change <= LEVEL * step.length, step.full <= ROUNDING * step.reach
         if flat and step.undamped and step.falls >= before:  # only round-off remains
             return ended(SolveStatus.SOLVED, f"converged after {iterations} iterations")
-        if step.undamped and (step.change <= tolerance * step.length or step.full <= STEP * step.reach):
+        # where the cost cannot judge it, a step may also be the last one if the next would be as short as that
+        next_one = step.full * min(1.0, step.falls / before) if flat and 0.0 < before < np.inf else step.full
+        if step.undamped and (step.change <= tolerance * step.length or next_one <= STEP * step.reach):
             # taken without evaluating its gain, which is below round-off
             last = here.step(0.0) if damping else step
             x = x if last is None else last.end
