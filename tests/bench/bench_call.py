@@ -3,10 +3,10 @@
 python tests/bench/bench_call.py [--other TREE]
 
 Prints Markdown. One process, interleaved, processor time, for each the least of many short runs: what another process
-takes from the caches is not ours. The kernel is CasADi's virtual machine on kept memory. The goal of issue 46 is for the
-call less its kernel, in microseconds, so it needs an idle machine; the ratio to CasADi's own call of the same function,
-which returns no status, hardly depends on the load. With another tree its calls are measured by a process that runs
-right after.
+takes from the caches is not ours. The kernel is CasADi's virtual machine on kept memory. The goal of issue 46 is for
+the call less its kernel, in microseconds, so it needs an idle machine; the ratio to CasADi's own call of the same
+function, which returns no status, hardly depends on the load. With another tree its calls are measured by a process
+that runs right after.
 """
 
 from __future__ import annotations
