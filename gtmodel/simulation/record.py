@@ -94,9 +94,10 @@ class Wanted:
             return Wanted(tuple(names("outputs", outputs)))
         with about("keep"):
             kept = names("keep", keep)
-            if outputs or not kept:
-                found = "outputs are given too; name them in keep" if outputs else "it is empty; leave it out"
-                raise ModelError(f"keep lists all variables that are recorded, but {found}")
+            if not kept:
+                raise ModelError("keep lists all variables that are recorded, but it is empty; leave it out")
+            if outputs:
+                raise ModelError("keep lists all variables that are recorded, but there are outputs too; keep them")
         return Wanted(tuple(kept), only=True)
 
 
