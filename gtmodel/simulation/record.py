@@ -97,7 +97,9 @@ class Wanted:
             if not kept:
                 raise ModelError("keep lists all variables that are recorded, but it is empty; leave it out")
             if outputs:
-                raise ModelError("keep lists all variables that are recorded, but there are outputs too; keep them")
+                raise ModelError(
+                    "keep lists all variables that are recorded, but there are outputs too; name them in keep"
+                )
         return Wanted(tuple(kept), only=True)
 
 
