@@ -75,7 +75,7 @@ class Schema(RobotProblem):
     prefer: list[str] = Field(default=[], description="names to keep as states, if possible")
     outputs: list[str] = Field(default=[], description="further names to record")
     keep: list[str] | None = Field(
-        default=None, description="the only names to record, beside the energies; left out, the usual ones and outputs"
+        default=None, description="names to record instead of the usual ones; outputs and energies are recorded too"
     )
     start: dict[str, Values] = Field(default={}, description="start values by name, in SI units")
     inputs: dict[str, Input] = Field(

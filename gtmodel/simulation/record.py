@@ -90,17 +90,14 @@ class Wanted:
     @staticmethod
     def of(outputs: Sequence[str] | str, keep: Sequence[str] | str | None) -> Wanted:
         """Return what these arguments of `simulate` ask for."""
+        further = names("outputs", outputs)
         if keep is None:
-            return Wanted(tuple(names("outputs", outputs)))
+            return Wanted(tuple(further))
         with about("keep"):
-            kept = names("keep", keep)
-            if not kept:
+            wanted = Wanted((*names("keep", keep), *further), only=True)
+            if not wanted.names:
                 raise ModelError("keep lists all variables that are recorded, but it is empty; leave it out")
-            if outputs:
-                raise ModelError(
-                    "keep lists all variables that are recorded, but there are outputs too; name them in keep"
-                )
-        return Wanted(tuple(kept), only=True)
+        return wanted
 
 
 def entries_of(flat: FlatModel, wanted: Wanted) -> list[RecordedQuantity]:

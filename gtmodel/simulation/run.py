@@ -142,8 +142,8 @@ def simulate(
             equations: these are found at any length if they deviate from a straight line by more than a ten-thousandth
             of the function's range. Use it for other sudden changes.
         outputs: further names to record, e.g. "arm[0].rod.tension".
-        keep: the only names to record, beside the energies, e.g. ["T", "der(q)", "arm[0].rod.tension"]. A long run of a
-            model with many variables takes less memory and time; its motion and its checks are the same.
+        keep: names to record instead of the usual ones, e.g. ["T", "der(q)"]; outputs and energies are recorded too. A
+            long run of a model with many variables takes less memory and time; its motion and checks are the same.
         prefer: names to keep as states as long as they are well conditioned.
         tolerance: relative and absolute tolerance of the integrator, in nominals.
         method: "bdf" for all models, "adams" for smooth motion at tight tolerances; models with Newton unknowns are

@@ -71,7 +71,6 @@ class TestAliases:
         (dict(keep=[None]), "keep takes names such as 'T'; found None"),
         (dict(keep=["x", "v"]), "Sum has no variable 'v'"),
         (dict(keep=[]), "it is empty; leave it out"),
-        (dict(keep="x", outputs="u"), "there are outputs too; name them in keep"),
         (dict(inputs={"u": gt.log}), "input 'u' has no finite value at the start, 0 s"),
         (dict(inputs={"u": lambda t: None}), "function of input 'u' returns nothing"),
         (dict(inputs={"u": lambda t: np.nan}), "function of input 'u' returns nan, which is not finite"),
