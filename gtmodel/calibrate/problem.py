@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from .._pickling import Portable
 from ..compiler.causal import flat_of
 from ..compiler.flat import FlatModel
+from ..compiler.rows import map_columns
 from ..inference import Identifiability, identifiability
 from ..inference.weighting import prior_rows
 from ..lang.builder import Builder
@@ -259,8 +260,8 @@ class CalibrationProblem(Portable):
     def values(self, x: ArrayLike) -> dict[str, float]:
         """Return all parameters in the equations, of model and measurement, at x."""
         u = self.unknowns
-        numbers = np.asarray(u.numbers(np.asarray(x, float))).reshape(-1)
-        return dict(zip(u.parameters, numbers.tolist(), strict=True))
+        (numbers,) = map_columns(u.numbers, [np.reshape(np.asarray(x, float), (-1, 1))])
+        return dict(zip(u.parameters, numbers[:, 0].tolist(), strict=True))
 
 
 def prepare(

@@ -15,6 +15,7 @@ import numpy as np
 from ..results.status import SolveStatus
 
 STEP = 1e-13  # norm of a full step in units of the scales below which the iteration has converged
+NEXT = 1e-2  # likewise: share of that norm below which the next step would stay
 ROUNDING = 1e-8  # likewise: norm of a step that may be due to round-off of the residuals alone
 LEVEL = 1e-5  # cosine of residuals and Jacobian: below, the cost is flat to 1e-10 and cannot judge a step
 EASIER, HARDER, STUCK = 0.1, 10.0, 1e16
@@ -89,7 +90,10 @@ def minimised(
         flat, near = step.change <= LEVEL * step.length, step.full <= ROUNDING * step.reach
         if flat and step.undamped and step.falls >= before:  # only round-off remains
             return ended(SolveStatus.SOLVED, f"converged after {iterations} iterations")
-        if step.undamped and (step.change <= tolerance * step.length or step.full <= STEP * step.reach):
+        short = step.full <= STEP * step.reach
+        if flat and 0.0 < before < np.inf:  # the next step will be shorter by at least the same ratio
+            short |= step.full * (step.falls / before) <= NEXT * STEP * step.reach
+        if step.undamped and (short or step.change <= tolerance * step.length):
             # taken without evaluating its gain, which is below round-off
             last = here.step(0.0) if damping else step
             x = x if last is None else last.end

@@ -74,6 +74,9 @@ class Schema(RobotProblem):
     )
     prefer: list[str] = Field(default=[], description="names to keep as states, if possible")
     outputs: list[str] = Field(default=[], description="further names to record")
+    keep: list[str] | None = Field(
+        default=None, description="names to record instead of the usual ones; outputs and energies are recorded too"
+    )
     start: dict[str, Values] = Field(default={}, description="start values by name, in SI units")
     inputs: dict[str, Input] = Field(
         default={}, description='by name: a number, a list, or {file = "motion.csv"}; in SI units'
@@ -97,7 +100,7 @@ def call(problem: Schema, context: Context) -> Call:
     return Call(
         simulation.simulation_study, model, problem.final_time_s, inputs=inputs,
         start=problem.start, step=problem.step_s, max_step=problem.max_step_s, outputs=problem.outputs,
-        prefer=problem.prefer, tolerance=problem.tolerance, method=problem.method,
+        keep=problem.keep, prefer=problem.prefer, tolerance=problem.tolerance, method=problem.method,
         title=problem.title or f"simulation of {problem.robot}",
     )  # fmt: skip
 

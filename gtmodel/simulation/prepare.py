@@ -17,7 +17,7 @@ from ..lang.model import Model
 from ..lang.source import ModelError
 from .inputs import SimulationInputs, read_inputs
 from .options import by_name, names, number
-from .record import Recorded, Recorder
+from .record import Recorded, Recorder, Wanted
 from .systems import IntegratorSettings, SimulatedSystem, Systems
 
 OUTPUT_STEPS = 500
@@ -46,7 +46,7 @@ def prepare(
     inputs: Mapping[str, Any] | None,
     start: Mapping[str, Any] | None,
     start_time: float,
-    outputs: Sequence[str] | str,
+    wanted: Wanted,
     prefer: Sequence[str] | str,
     tolerance: float,
     method: str,
@@ -56,9 +56,9 @@ def prepare(
     """Prepare a simulation up to its first step; arguments and errors as for `simulate`."""
     refuse_settings(tolerance, method)
     inputs, start, parameters = by_name("inputs", inputs), by_name("start", start), by_name("parameters", parameters)
-    outputs, prefer = names("outputs", outputs), names("prefer", prefer)
+    prefer = names("prefer", prefer)
     flat, now, known = read_model(model, inputs, parameters)
-    recorded, settings = Recorded.of(flat, outputs), IntegratorSettings(tolerance, method, bounded)
+    recorded, settings = Recorded.of(flat, wanted), IntegratorSettings(tolerance, method, bounded)
     preferred = [i for name in prefer for i in flat.lookup(name)[1]]
     return prepare_in(flat, now, known, recorded, Recorder(recorded), start, start_time, preferred, settings)
 
@@ -165,7 +165,7 @@ def explain_simulation(
     >>> "height" in text
     True
     """
-    ready = prepare(model, inputs, start, start_time, (), prefer, tolerance, method, parameters=parameters)
+    ready = prepare(model, inputs, start, start_time, Wanted(), prefer, tolerance, method, parameters=parameters)
     plan, flat, system = ready.systems.plan, ready.systems.flat, ready.system
     x, z = system.reduced.from_point(ready.initial.w)
     known = [flat.variables[i].name for i in ready.inputs.known]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -10,8 +10,10 @@ import numpy as np
 
 from ..compiler.flat import FlatModel
 from ..lang.scope import derivative_name
+from ..lang.source import ModelError, about
 from ..results.check import Check
 from ..results.trajectory import Trajectory
+from .options import names
 
 # bound of the error relative to the exchanged energy: amplitudes are then accurate to half of it, invisible in a
 # picture. At the default tolerance, undamped motions stay below it for some two hundred periods, all others always
@@ -78,8 +80,29 @@ class RecordedQuantity:
     unit: str
 
 
-def entries_of(flat: FlatModel, outputs: Sequence[str]) -> list[RecordedQuantity]:
-    """Return the quantities of the top level and one below, first derivatives of top-level ones, and `outputs`."""
+@dataclass(frozen=True)
+class Wanted:
+    """The names to record: beside those that every run records, or if `only`, nothing else."""
+
+    names: tuple[str, ...] = ()
+    only: bool = False
+
+    @staticmethod
+    def of(outputs: Sequence[str] | str, keep: Sequence[str] | str | None) -> Wanted:
+        """Return what these arguments of `simulate` ask for."""
+        further = names("outputs", outputs)
+        if keep is None:
+            return Wanted(tuple(further))
+        with about("keep"):
+            wanted = Wanted((*names("keep", keep), *further), only=True)
+            if not wanted.names:
+                raise ModelError("keep lists all variables that are recorded, but it is empty; leave it out")
+        return wanted
+
+
+def entries_of(flat: FlatModel, wanted: Wanted) -> list[RecordedQuantity]:
+    """Return the wanted quantities; beside them, unless `only` these are, those of the top level and one below, and
+    first derivatives of top-level ones."""
     entries: dict[str, RecordedQuantity] = {}
 
     def add(name: str, shape: Shape, indices: list[int], order: int) -> None:
@@ -93,14 +116,15 @@ def entries_of(flat: FlatModel, outputs: Sequence[str]) -> list[RecordedQuantity
         )
 
     moving = {i for e in flat.equations for i, k in flat.scope.symbols_in(e.residual) if k >= 1}
-    for name, (shape, indices) in flat.groups.items():
+    groups = {} if wanted.only else flat.groups
+    for name, (shape, indices) in groups.items():
         levels = flat.level(indices[0])
         if levels > 1:
             continue
         add(name, shape, indices, 0)
         if levels == 0 and (moving.issuperset(indices) or flat.variables[indices[0]].prefer > 0):
             add(name, shape, indices, 1)
-    for name in outputs:
+    for name in wanted.names:
         shape, indices, order = flat.lookup(name)
         known = next((n for n, group in flat.groups.items() if group == (shape, indices)), None)
         add(known or flat.variables[indices[0]].name, shape, indices, order)
@@ -111,9 +135,9 @@ def entries_of(flat: FlatModel, outputs: Sequence[str]) -> list[RecordedQuantity
 @dataclass(frozen=True, eq=False)
 class Recorded:
     """The columns of a row: `entries`, then `terms` terms of the stored energy and `extra` numbers that are not
-    recorded. names: the requested outputs."""
+    recorded. key: what they depend on in the model."""
 
-    names: tuple[str, ...]
+    key: Hashable
     entries: list[RecordedQuantity]
     expressions: list[ca.SX]
     terms: int
@@ -121,13 +145,13 @@ class Recorded:
     extra: int = 0
 
     @staticmethod
-    def of(flat: FlatModel, outputs: Sequence[str]) -> Recorded:
-        """Return the columns for these outputs; cached in the model."""
-        key = "recorded", tuple(outputs)
+    def of(flat: FlatModel, wanted: Wanted) -> Recorded:
+        """Return the columns for these names; cached in the model."""
+        key = "recorded", wanted
         if key not in flat.cache:
-            entries, terms = entries_of(flat, outputs), stored_terms(flat)
+            entries, terms = entries_of(flat, wanted), stored_terms(flat)
             symbols = [flat.scope.symbol(*pair) for e in entries for pair in e.pairs]
-            flat.cache[key] = Recorded(tuple(outputs), entries, [*symbols, *terms], len(terms), bool(flat.energies))
+            flat.cache[key] = Recorded(wanted, entries, [*symbols, *terms], len(terms), bool(flat.energies))
         return flat.cache[key]
 
 

@@ -35,6 +35,7 @@ def simulation_study(
     step: Annotated[float | None, Within(above=0.0)] = None,
     max_step: Annotated[float | None, Within(above=0.0)] = None,
     outputs: Sequence[str] = (),
+    keep: Sequence[str] | None = None,
     prefer: Sequence[str] = (),
     tolerance: Annotated[float, Within(least=1e-14, most=0.1)] = 1e-9,
     method: Literal["bdf", "adams"] = "bdf",
@@ -43,7 +44,8 @@ def simulation_study(
     """Simulate a model from 0 to `final_time` [s], with checks, table and pictures.
 
     Args:
-        inputs, start, parameters, step, max_step, outputs, prefer, tolerance, method: as in `simulate`.
+        inputs, start, parameters, step, max_step, outputs, keep, prefer, tolerance, method: as in `simulate`.
+            A robot's scene in space needs q among the kept names.
         progress, max_seconds, stop: see `gtmodel.results.Work`.
 
     The result of a run that ends early or is interrupted holds everything up to its end. Raises ArgumentError for a
@@ -57,7 +59,7 @@ def simulation_study(
     True
     """
     work = Work(**work_options)
-    refuse_unknown(model, start=start or {}, inputs=inputs or {}, outputs=outputs, prefer=prefer)
+    refuse_unknown(model, start=start or {}, inputs=inputs or {}, outputs=outputs, keep=keep or (), prefer=prefer)
     _refuse_steps(final_time, step, max_step)
 
     def report(time: float) -> bool:
@@ -67,14 +69,14 @@ def simulation_study(
     try:
         simulation = simulate(
             model, final_time, inputs=inputs, start=start, parameters=parameters, step=step, max_step=max_step,
-            outputs=outputs, prefer=prefer, tolerance=tolerance, method=method, progress=report, throw=False,
+            outputs=outputs, keep=keep, prefer=prefer, tolerance=tolerance, method=method, progress=report, throw=False,
         )  # fmt: skip
     except ModelError as error:
         if error.argument:
             raise ArgumentError(str(error), error.argument) from error
         raise
     study = _study_of(simulation, work.title).with_(notes=getattr(type(model), "_notes", ()))
-    if view.points_of(model):
+    if view.points_of(model) and (keep is None or "q" in keep):  # q always determines the pose
         study = study.with_(scenes={"motion": partial(view.scene, model, study.trajectory)})
     return study
 
@@ -85,7 +87,7 @@ def refuse_unknown(model: Model, **lists: Mapping[str, Any] | Sequence[str]) -> 
     discrete = {s.name for s in flat.events.shown} if flat.events else set()
     for argument, names in lists.items():
         for n, name in enumerate(names):
-            if name in discrete and argument in ("start", "outputs"):
+            if name in discrete and argument in ("start", "outputs", "keep"):
                 continue
             try:
                 flat.lookup(name)

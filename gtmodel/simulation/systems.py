@@ -212,7 +212,7 @@ class Systems:
         cache: dict[Hashable, Systems] = flat.cache.setdefault(("simulated", get_ident()), {})
 
         def cached(difference: Hashable) -> Systems:
-            key = inputs.structure, outputs.names, tuple(prefer), difference
+            key = inputs.structure, outputs.key, tuple(prefer), difference
             systems = cache.pop(key, None) or Systems(now if difference else flat, inputs, outputs.expressions, prefer)
             return put_last(cache, key, systems)
 

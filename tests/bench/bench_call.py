@@ -3,9 +3,10 @@
 python tests/bench/bench_call.py [--other TREE]
 
 Prints Markdown. One process, interleaved, processor time, for each the least of many short runs: what another process
-takes from the caches is not ours. The kernel is CasADi's virtual machine on kept memory; the goal is for the call less
-its kernel, also in units of NumPy by hand for one pose, which moves with the load of the machine as the call does. With
-another tree its calls are measured by a process that runs right after.
+takes from the caches is not ours. The kernel is CasADi's virtual machine on kept memory. The goal of issue 46 is for
+the call less its kernel, in microseconds, so it needs an idle machine; the ratio to CasADi's own call of the same
+function, which returns no status, hardly depends on the load. With another tree its calls are measured by a process
+that runs right after.
 """
 
 from __future__ import annotations
@@ -31,8 +32,7 @@ from tests.bench.rivals import rows_by_hand as hand  # noqa: E402
 from tests.bench.rivals.l1_by_hand import data  # noqa: E402
 
 ROWS, CALLS, TIMES = (1, 10, 100), 20, 60
-# issue 46: microseconds of a call less its kernel, at most; NumPy by hand took 8.5 there for one pose
-GOAL, BY_HAND = 15.0, 8.5
+GOAL = 15.0  # issue 46: microseconds of a call less its kernel, at most
 
 
 def kernel(f: ca.Function, arguments: list[Any]) -> Callable[[], Any]:
@@ -46,12 +46,6 @@ def kernel(f: ca.Function, arguments: list[Any]) -> Callable[[], Any]:
     for k, r in enumerate(results):
         buffer.set_res(k, memoryview(r))
     return lambda: (run(), buffer, arguments, results)
-
-
-def by_hand_pose(d: Any, T: np.ndarray) -> np.ndarray:
-    """Inverse kinematics of one pose without a status."""
-    y, z = T[1] - d.A[:, 1], T[2] - d.A[:, 2]
-    return T[0] - d.A[:, 0] - d.ahead * np.sqrt(d.L * d.L - y * y - z * z)
 
 
 def least(works: list[Callable[[], Any]]) -> list[float]:
@@ -77,12 +71,9 @@ def main() -> int:
     T = np.array(robot.home)
     v, a = np.array([0.3, -0.2, 0.1]), np.array([1.0, 2.0, -1.0])
     q = robot.causal("T", "q")(T)[0]
-    assert np.allclose(by_hand_pose(d, T), q)
     print(f"{Path(gt.__file__).parents[1].name}: microseconds\n")
-    print(
-        "| function | rows | call | kernel | less kernel | goal | CasADi's call | by hand | in poses by hand | goal | |"
-    )
-    print("|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|")
+    print("| function | rows | call | kernel | less kernel | goal | | CasADi's call | call / CasADi's | by hand |")
+    print("|---|---:|---:|---:|---:|---:|---|---:|---:|---:|")
     good, rng = True, np.random.default_rng(0)
     for name, f, by_hand, point in (
         ("inverse kinematics", robot.causal("T", "q"), hand.inverse_kinematics, (T,)),
@@ -94,16 +85,14 @@ def main() -> int:
             given = list(point) if n == 1 else rows
             columns = [np.ascontiguousarray(r.T) for r in rows]
             mapped = f.closed if n == 1 else f.closed.map(n)
-            whole, bare, casadi, numpy, pose = least(
-                [partial(f, *given), kernel(f.closed, rows), partial(mapped, *columns), partial(by_hand, d, *columns),
-                 partial(by_hand_pose, d, T)]
-            )  # fmt: skip
-            over, goal = (whole - bare) / pose, GOAL / BY_HAND
-            passed = over <= goal
+            whole, bare, casadi, numpy = least(
+                [partial(f, *given), kernel(f.closed, rows), partial(mapped, *columns), partial(by_hand, d, *columns)]
+            )
+            passed = whole - bare <= GOAL
             good &= passed
             print(
-                f"| {name} | {n} | {whole:.1f} | {bare:.1f} | {whole - bare:.1f} | {GOAL:.0f} | {casadi:.1f} "
-                f"| {numpy:.1f} | {over:.2f} | {goal:.2f} | {'pass' if passed else 'MISSED'} |",
+                f"| {name} | {n} | {whole:.1f} | {bare:.1f} | {whole - bare:.1f} | {GOAL:.0f} "
+                f"| {'pass' if passed else 'MISSED'} | {casadi:.1f} | {whole / casadi:.2f} | {numpy:.1f} |",
                 flush=True,
             )
     if options.other:

@@ -98,6 +98,7 @@ class TestInputs:
     [
         ({"start": {"phi": 0.0, "ph": 1.0}}, "start.ph"),
         ({"outputs": ["phi", "omega"]}, "outputs[1]"),
+        ({"keep": ["phi", "omega"]}, "keep[1]"),
         ({"prefer": ["x"]}, "prefer[0]"),
         ({"step_s": 2.0}, "step_s"),
         ({"max_step_s": 1e-9}, "max_step_s"),

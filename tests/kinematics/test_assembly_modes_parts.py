@@ -130,11 +130,11 @@ def test_paths_do_not_depend_on_their_company() -> None:
 
 def test_one_singular_matrix_does_not_spoil_the_batch() -> None:
     random = np.random.default_rng(SEED)
-    J, patch, right = random.normal(size=(3, 7, 8)), random.normal(size=(3, 8)), random.normal(size=(3, 7))
+    J, patch, right = random.normal(size=(3, 7, 8)), random.normal(size=(3, 8)), random.normal(size=(3, 7, 1))
     J[1] = 0
-    dz = solve_rows(J, patch, right)
+    dz = solve_rows(J, patch, right)[..., 0]
     assert np.all(np.isnan(dz[1])) and np.all(np.isfinite(dz[[0, 2]]))
-    np.testing.assert_allclose(J[2] @ dz[2], right[2], atol=1e-12)
+    np.testing.assert_allclose(J[2] @ dz[2], right[2, :, 0], atol=1e-12)
     np.testing.assert_allclose(patch[2] @ dz[2], 0, atol=1e-12)
 
 

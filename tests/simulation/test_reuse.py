@@ -15,6 +15,7 @@ from gtmodel.compiler.rows import PointFunction
 from gtmodel.compiler.states import choose
 from gtmodel.simulation.choice import LARGEST_CHANGE, STRIDE, SWITCH_BELOW, StateSelection, choice_of
 from gtmodel.simulation.prepare import prepare
+from gtmodel.simulation.record import Wanted
 from tests.simulation.models import SwingingPendulum, TwoMasses
 from tests.simulation.robot import T0, l1
 
@@ -122,7 +123,7 @@ class TestStart:
     def test_in_closed_form_as_by_newton(self, n):
         rng = np.random.default_rng(n)
         given = {"T": T0 + 0.1 * rng.uniform(-1, 1, 3), "der(T)": rng.uniform(-1, 1, 3)}
-        ready = prepare(l1(), {"tau": 0.0}, given, 0.0, (), (), 1e-9, "bdf")
+        ready = prepare(l1(), {"tau": 0.0}, given, 0.0, Wanted(), (), 1e-9, "bdf")
         plan = ready.systems.plan
         held, guess = start_values(plan, given, ready.inputs.known)
         held |= {pair: 0.0 for pair in plan.pairs if pair[0] in ready.inputs.known}
@@ -141,7 +142,7 @@ class TestStart:
 def swing():
     """Points, times and states of a pendulum that turns over, row by row, and the selection that watches it."""
     model = SwingingPendulum()
-    ready = prepare(model, None, {"x": 0.0, "der(x)": 7.0}, 0.0, (), (), 1e-9, "bdf")
+    ready = prepare(model, None, {"x": 0.0, "der(x)": 7.0}, 0.0, Wanted(), (), 1e-9, "bdf")
     plan, flat = ready.systems.plan, ready.systems.plan.flat
     times = np.linspace(0.0, 0.2, 201)
     phi, L = 7.0 * times, 1.0  # any motion on the circle will do: the matrices depend on the point alone
@@ -214,7 +215,7 @@ class TestGoodRows:
 def test_states_are_chosen_as_the_compiler_chooses_them(n):
     rng = np.random.default_rng(n)
     given = {"T": T0 + 0.2 * rng.uniform(-1, 1, 3), "der(T)": rng.uniform(-1, 1, 3)}
-    ready = prepare(l1(), {"tau": 0.0}, given, 0.0, (), (), 1e-9, "bdf")
+    ready = prepare(l1(), {"tau": 0.0}, given, 0.0, Wanted(), (), 1e-9, "bdf")
     plan = ready.systems.plan
     for prefer in ([], [i for name in ("q",) for i in plan.flat.lookup(name)[1]]):
         preferred = frozenset(plan.alias.resolve(i, 0)[1] for i in prefer)
@@ -248,7 +249,7 @@ class TestThreads:
     """One integrator of CasADi called by two threads at a time destroyed the heap; each thread has its own."""
 
     def test_threads_share_no_integrator(self):
-        arguments = None, {"x": 0.6, "der(x)": 0.0}, 0.0, (), (), 1e-9, "bdf"
+        arguments = None, {"x": 0.6, "der(x)": 0.0}, 0.0, Wanted(), (), 1e-9, "bdf"
         pendulum = SwingingPendulum()
         own = [prepare(pendulum, *arguments).system.stepper for _ in range(2)]
         with ThreadPoolExecutor(1) as pool:

@@ -246,6 +246,16 @@ class TestRecorded:
         assert {name: t.unit(name) for name in units} == units
         assert t["T"].shape == (2, 3) and "arm[1].rod.tension" not in t
 
+    def test_only_what_is_kept(self):
+        more = {"inputs": {"tau": 0.0}, "start": {"T": T0}, "step": 0.05}
+        whole = simulate(l1(), 0.1, outputs=["arm[0].rod.tension", "der(q)"], **more)
+        names = ("arm[0].rod.tension", "T[1]", "der(q)")
+        kept = simulate(l1(), 0.1, keep=names[:2], outputs=names[2], **more)
+        energies = ("energy.stored", "energy.supplied", "energy.dissipated")
+        assert kept.trajectory.names == (*names, *energies)
+        assert all(np.array_equal(kept.trajectory[n], whole.trajectory[n]) for n in kept.trajectory.names)
+        assert (kept.residual, kept.energy_error) == (whole.residual, whole.energy_error)
+
     def test_any_name_also_of_what_was_eliminated(self):
         t = simulate(
             l1(),

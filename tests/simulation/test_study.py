@@ -92,6 +92,7 @@ class TestNumbers:
         ({"start": {"phi": 0.0, "ph": 1.0}}, "start.ph"),
         ({"inputs": {"tao": 0.0}}, "inputs.tao"),
         ({"outputs": ["phi", "omega"]}, "outputs[1]"),
+        ({"keep": ["phi", "omega"]}, "keep[1]"),
         ({"prefer": ["x"]}, "prefer[0]"),
         ({"step": 2.0}, "step"),
         ({"step": 1e-9}, "step"),

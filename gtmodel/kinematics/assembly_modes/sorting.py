@@ -26,10 +26,12 @@ class Isolation:
 
 
 def isolate(C: Array, z: Array) -> Isolation:
-    """Apply the Newton-Kantorovich test to points z (m, 8), |z| = 1, as solutions of the systems C (m, 7, 18)."""
-    D = gradients(z)
+    """Apply the Newton-Kantorovich test to points z (m, 8), |z| = 1, as solutions of the system C (7, 18), or of the
+    systems C (n, 7, 18), each for m / n points in order."""
+    C = C.reshape(-1, *C.shape[-2:])
+    each = len(z) // len(C)
     matrix = np.empty((len(z), VARIABLES, VARIABLES), dtype=complex)
-    matrix[:, :EQUATIONS] = C @ D
+    matrix[:, :EQUATIONS] = np.repeat(C, each, axis=0) @ gradients(z)
     matrix[:, EQUATIONS] = np.conj(z)
     U, values, _ = np.linalg.svd(matrix)
     residual = np.zeros((len(z), VARIABLES), dtype=complex)
@@ -37,7 +39,7 @@ def isolate(C: Array, z: Array) -> Isolation:
     with np.errstate(all="ignore"):
         projected = np.conj(np.swapaxes(U, 1, 2)) @ residual[:, :, None]
         beta = np.linalg.norm(projected[..., 0] / values, axis=1)
-        K = _second_derivative(C) / values[:, -1]
+        K = np.repeat(_second_derivative(C), each) / values[:, -1]
         h = beta * K
         certified = h <= STRICT
         rho = np.where(certified, (1 + np.sqrt(np.where(certified, 1 - 2 * h, 0))) / K, 0.0)
@@ -45,7 +47,7 @@ def isolate(C: Array, z: Array) -> Isolation:
 
 
 def _second_derivative(C: Array) -> Real:
-    """Return a bound of |D2F| for systems C (m, 7, 18): the root sum of squares of the Hessians' spectral norms."""
+    """Return a bound of |D2F| for systems C (n, 7, 18): the root sum of squares of the Hessians' spectral norms."""
     hessians = np.tensordot(C, BASIS_MATRICES, axes=(2, 0))
     return np.sqrt(np.sum(np.linalg.norm(hessians, ord=2, axis=(-2, -1)) ** 2, axis=-1))
 
@@ -148,7 +150,7 @@ def sort_endpoints(C: Array, ends: Endpoints) -> list[Endings]:
     near = arrived | stalled
     z[near] = refined_or_kept(systems[near], z[near])
     finite = np.abs(np.sum(z[:, :4] ** 2, axis=1)) > AT_INFINITY
-    isolation = isolate(systems, z)
+    isolation = isolate(C, z)
     regular = (arrived | (stalled & isolation.certified)) & finite
     regular &= (isolation.condition < 1 / SINGULAR) & (residuals(systems, z) < CONVERGED)
     infinite = (arrived | stalled) & ~finite
@@ -226,7 +228,7 @@ CURVES_TRIED = 3  # singular endpoints per search that are tested for a self-mot
 
 def _nothing(C: Array) -> tuple[Array, Isolation]:
     z = np.zeros((0, VARIABLES), dtype=complex)
-    return z, isolate(np.zeros((0, *C.shape), dtype=complex), z)
+    return z, isolate(C, z)
 
 
 @dataclass

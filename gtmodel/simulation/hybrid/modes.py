@@ -23,7 +23,7 @@ from ...results.status import SolveStatus
 from ..inputs import SimulationInputs
 from ..judgement import Ended
 from ..prepare import Ready, prepare_in
-from ..record import Recorded, RecordedQuantity, Recorder
+from ..record import Recorded, RecordedQuantity, Recorder, Wanted
 from ..reduced import Watched
 from ..systems import IntegratorSettings, SimulatedSystem, Systems
 from .actions import Changes, ValuesIn, carried_over, read_by
@@ -57,13 +57,13 @@ class SimulatedModes:
     `read_columns` of a row; comparisons are in the columns from `first_comparison` on."""
 
     def __init__(
-        self, flat: FlatModel, now: FlatModel, inputs: SimulationInputs, outputs: Sequence[str], prefer: Sequence[int]
+        self, flat: FlatModel, now: FlatModel, inputs: SimulationInputs, wanted: Wanted, prefer: Sequence[int]
     ) -> None:
         assert flat.events is not None
         self._compiled, self.flat, self.events = flat, now, flat.events
-        self._inputs, self._outputs, self._prefer = inputs, tuple(outputs), prefer
+        self._inputs, self._wanted, self._prefer = inputs, wanted, prefer
         self.pairs = read_by(self.events, flat)
-        self.recorded = _recorded(flat, self.events, self._outputs, self.pairs)
+        self.recorded = _recorded(flat, self.events, wanted, self.pairs)
         self.has_energy = bool(flat.energies)
         self.first_comparison = len(self.recorded.expressions) - self.recorded.extra
         first = self.first_comparison + len(self.events.comparisons)
@@ -95,7 +95,7 @@ class SimulatedModes:
     def recorded_in(self, values: tuple[bool, ...]) -> Recorded:
         """Return the columns of a row in these modes."""
         cache = self.flat_in(values).cache
-        key = "recorded with events", self._outputs
+        key = "recorded with events", self._wanted
         if key not in cache:
             expressions = self.recorded.expressions
             if self.events.modes:
@@ -486,11 +486,12 @@ def _ended(sentence: str) -> Ended:
     return Ended(SolveStatus.FAILED, sentence)
 
 
-def _recorded(flat: FlatModel, events: FlatEvents, outputs: tuple[str, ...], pairs: Sequence[Pair]) -> Recorded:
+def _recorded(flat: FlatModel, events: FlatEvents, wanted: Wanted, pairs: Sequence[Pair]) -> Recorded:
     """Return the columns of a row: also discrete variables, and after the energy terms the quantities for events."""
     discrete = {s.name for s in events.shown}
-    base = Recorded.of(flat, tuple(name for name in outputs if name not in discrete))
-    shown = [s for s in events.shown if (s.name.count(".") <= 1 and not s.helper) or s.name in outputs]
+    base = Recorded.of(flat, replace(wanted, names=tuple(name for name in wanted.names if name not in discrete)))
+    always = [s.name for s in events.shown if s.name.count(".") <= 1 and not s.helper and not wanted.only]
+    shown = [s for s in events.shown if s.name in {*always, *wanted.names}]
     entries, symbols = list(base.entries), list(base.expressions[: len(base.expressions) - base.terms])
     for s in shown:
         entries += _quantities(s)
@@ -498,8 +499,9 @@ def _recorded(flat: FlatModel, events: FlatEvents, outputs: tuple[str, ...], pai
     watched = [c.expression for c in events.comparisons]
     read = [flat.scope.symbol(*pair) for pair in pairs]
     expressions = [*symbols, *base.expressions[len(base.expressions) - base.terms :], *watched, *read]
-    names = ("with events", *outputs)
-    return Recorded(names, entries, expressions, base.terms, base.has_energy, len(watched) + len(read))
+    return Recorded(
+        ("with events", wanted), entries, expressions, base.terms, base.has_energy, len(watched) + len(read)
+    )
 
 
 def _quantities(signal: BlockSignal) -> list[RecordedQuantity]:

@@ -213,5 +213,7 @@ def test_what_is_decided_at_the_start_is_an_event_where_it_changes_something() -
         ]
         assert [[e.time for e in run.events] for run in runs] == [[], [begin]]
         assert [run.trajectory["middle.inner.side"][-1] for run in runs] == [0.0, 1.0]
+    kept = gt.simulate(Outer(), 5.0, start_time=3.0, start={"x": 1.5}, keep="middle.inner.side")
+    assert kept.trajectory.names == ("middle.inner.side",) and [e.time for e in kept.events] == [3.0]
     with pytest.raises(gt.ModelError, match=r"initial\(\) is true only at single instants"):
         gt.If(gt.initial(), 1.0, 2.0)
