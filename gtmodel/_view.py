@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Any
 
 from gtmodel import view
 from gtmodel._report import refuse_another
+from gtmodel.lang import Model
 from gtmodel.problem_files import robots
 from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.files import find, parse
 from gtmodel.problem_files.load import validate
-from gtmodel.problem_files.registry import get
+from gtmodel.problem_files.registry import get, names
 from gtmodel.results import ArgumentError, reading, written
 from gtmodel.results.read_bounds import toml_of
 
@@ -19,16 +22,32 @@ SUFFIX, GIF = ".html", ".gif"
 
 def write(what: str, out: Path | None, context: Context) -> Path:
     """Write the page of a robot, by its reference, or of a result folder; return its path. Raises InputError."""
-    place, is_result = Path(what), (Path(what) / written.RESULT).is_file()
-    name = place.name if is_result else place.name.partition(":")[0].rpartition(".")[0] or place.name
+    place = Path(what).parent if Path(what).name in (written.RESULT, written.RUN) else Path(what)
+    is_result = (place / written.RESULT).is_file()
+    name = place.resolve().name if is_result else place.name.partition(":")[0].rpartition(".")[0] or place.name
     target = out or Path(f"{name}{SUFFIX}")
-    if target.suffix != GIF:
-        refuse_another(target, "-o")
+    if target.suffix not in (SUFFIX, GIF):
+        raise InputError(f"-o {target} ends neither in {SUFFIX}, for a page, nor in {GIF}, for an animated picture")
+    refuse_another(target, "-o")
     try:
-        scene = _of_result(place, context) if is_result else view.scene(robots.resolve(what, context), title=name)
+        scene = _of_result(place, context) if is_result else view.scene(_robot(what, context), title=name)
         return scene.write(target)
     except ArgumentError as error:
         raise InputError(error.message) from error
+
+
+def _robot(what: str, context: Context) -> Model:
+    try:
+        return robots.resolve(what, context)
+    except InputError as error:
+        try:
+            is_problem = parse(find(what)[0].read_bytes()).get("kind") in names()
+        except (InputError, OSError):
+            raise error from None
+        if not is_problem:
+            raise
+        command = shlex.join(["gtmodel", "solve", what, "--out", "DIR"])
+        raise InputError(f"is a problem; {command}, then gtmodel view DIR, shows its motion", file=what) from error
 
 
 def _of_result(folder: Path, context: Context) -> view.RobotScene:

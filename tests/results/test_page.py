@@ -78,7 +78,7 @@ def test_a_page_stands_alone_and_is_the_same_twice() -> None:
     assert faults_of(text) == [] and page(study, asked, "abc") == text and len(drawn_in(text)) == 2
     texts = [words for _, words in read(text).texts]
     assert {"a < b", "A curve.", "second", "a & b", "x < y", "0.333333", "gtmodel solve x", "abc"} <= set(texts)
-    assert "1 keys that the problem does not set have their defaults." in texts
+    assert "Keys that the problem does not set, with their defaults: 1" in texts
     assert gt.__version__ in texts
 
 

@@ -110,7 +110,7 @@ def _parts(study: Study, asked: Asked, result: str, drawings: Mapping[str, Drawi
         *_in_space(study),
         *(line for heading, content in study.sections.items() for line in _section(heading, content)),
         *_assumed(asked, [value for label, value, _ in rows if label == ASSUMED]),
-        *_section("Versions and files", [PageTable(("what", "", "sha256"), _origin(asked, result))]),
+        *_section("Versions and files", [PageTable(("what", "name or version", "sha256"), _origin(asked, result))]),
         *_again(asked),
     ]
 
@@ -147,8 +147,8 @@ def _list(sentences: Sequence[str]) -> str:
 
 def _table(table: PageTable) -> str:
     used = [k for k, head in enumerate(table.heads) if any(str(row[k]) for row in table.rows)]
-    top = "".join(f"<th>{escape(table.heads[k])}</th>" for k in used)
     numeric = {k for k in used if all(isinstance(row[k], (int, float)) for row in table.rows)}
+    top = "".join(f"<th{RIGHT if k in numeric else ''}>{escape(table.heads[k])}</th>" for k in used)
     lines = ["<tr>" + "".join(_cell(row[k], k in numeric) for k in used) + "</tr>" for row in table.rows]
     return f"<table><tr>{top}</tr>{''.join(lines)}</table>"
 
@@ -168,7 +168,7 @@ def _keys(rows: Sequence[Sequence[str]]) -> list[Part]:
 def _checks(checks: Mapping[str, Check]) -> list[str]:
     if not checks:
         return []
-    lines = ["<table><tr><th>check</th><th>value</th><th>unit</th><th>bound</th><th>verdict</th></tr>"]
+    lines = [f"<table><tr><th>check</th><th{RIGHT}>value</th><th>unit</th><th>bound</th><th>verdict</th></tr>"]
     for name, check in checks.items():
         stem, unit = split(name)
         bound = bound_in_words(check) if check.compares else ""
@@ -215,8 +215,8 @@ def _assumed(asked: Asked, sentences: list[str]) -> list[str]:
     lines = [_list(sentences)] if sentences else []
     if asked.defaults:
         table = "".join(map(_part, _keys(asked.defaults)))
-        count = f"{len(asked.defaults)} keys that the problem does not set have their defaults."
-        lines.append(f"<details><summary>{count}</summary>{table}</details>")
+        keys = f"Keys that the problem does not set, with their defaults: {len(asked.defaults)}"
+        lines.append(f"<details><summary>{keys}</summary>{table}</details>")
     return ["<h2>What is assumed</h2>", *lines] if lines else []
 
 
