@@ -11,9 +11,10 @@ from gtmodel._report import refuse_another
 from gtmodel.lang import Model
 from gtmodel.problem_files import robots
 from gtmodel.problem_files.base import Context, InputError
-from gtmodel.problem_files.files import find, parse
+from gtmodel.problem_files.explaining import is_problem
+from gtmodel.problem_files.files import find
 from gtmodel.problem_files.load import validate
-from gtmodel.problem_files.registry import get, names
+from gtmodel.problem_files.registry import get
 from gtmodel.results import ArgumentError, reading, written
 from gtmodel.results.read_bounds import toml_of
 
@@ -40,12 +41,9 @@ def _robot(what: str, context: Context) -> Model:
     try:
         return robots.resolve(what, context)
     except InputError as error:
-        try:
-            is_problem = parse(find(what)[0].read_bytes()).get("kind") in names()
-        except (InputError, OSError):
-            raise error from None
-        if not is_problem:
+        if not is_problem(what):
             raise
+        find(what)  # raises InputError if there is no such file
         command = shlex.join(["gtmodel", "solve", what, "--out", "DIR"])
         raise InputError(f"is a problem; {command}, then gtmodel view DIR, shows its motion", file=what) from error
 
