@@ -99,9 +99,10 @@ def _figures(study: Study) -> Mapping[str, Callable[[], Any]]:
 
 def _parts(study: Study, asked: Asked, result: str, drawings: Mapping[str, Drawing]) -> list[str]:
     rows = quantity_rows(study)
-    numbers = [row for row in rows if row[0] not in (VERDICT, ASSUMED)]
+    numbers = [(label, value, "" if unit == "1" else unit) for label, value, unit in rows
+               if label.strip() not in (VERDICT, ASSUMED)]  # fmt: skip
     return [
-        *_verdict(study, [value for label, value, _ in rows if label == VERDICT]),
+        *_verdict(study, [value for label, value, _ in rows if label.strip() == VERDICT]),
         *_section("What was asked", [asked.what, *asked.remarks, *_keys(asked.keys)]),
         *_checks(study.checks),
         *_section("Result", [PageTable(("quantity", "value", "unit"), numbers)]),
@@ -123,7 +124,7 @@ def _origin(asked: Asked, result: str) -> list[Sequence[str]]:
 def _verdict(study: Study, rows: Sequence[str]) -> list[str]:
     word = study.done if study.status.ok else study.status.value
     sound = "good" if study.status.ok else "bad"
-    sentences = [study.message, *(row for row in rows if row != study.message)]
+    sentences = [s for s in (study.message, *rows) if s != study.status.message] or [study.message]
     lines = [f'<div class="box {sound}"><b>{escape(word.replace("_", " "))}</b>{_list(sentences)}</div>']
     made = study.values.get("synthetic")
     return [*lines, f'<p class="made">Synthetic data: {escape(made)}</p>'] if isinstance(made, str) and made else lines
