@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import textwrap
@@ -51,7 +52,7 @@ def write(what: str, name: str, log: Path | None = None, place: Path | None = No
     place = Path() if place is None else place
     stem = Path(name).name.removesuffix(".toml")
     target = place / Path(name).parent / f"{stem}.toml"
-    if not stem or not stem.isprintable():
+    if not stem.strip(".") or not stem.isprintable():
         raise InputError(f"'{name}' cannot be the name of a problem file")
     folder = problems_dir()
     if what == "robot":
@@ -170,7 +171,10 @@ def _with_log(text: str, log: Path, shown: str) -> str:
     """The text of a calibration with the file, columns and units that `inspect` sees in a log."""
     from gtmodel import _inspect
 
-    columns = _inspect.run(str(log), {}, Context(name=log.stem)).outcome.values["streams"].values()
+    try:
+        columns = _inspect.run(str(log), {}, Context(name=log.stem)).outcome.values["streams"].values()
+    except InputError as error:
+        raise error.within(log.name) from error
     seen = [column for stream in columns for column in stream["columns"]]
     groups: dict[str, list[Any]] = {}
     for column in seen:
@@ -184,11 +188,18 @@ def _with_log(text: str, log: Path, shown: str) -> str:
                 f"cannot tell which columns are {signal}; found {listed}; name them {signal}1, {signal}2, ... in the "
                 "log, or leave --from out and write them into the file"
             )
-        names_ = ", ".join(f'"{column["name"]}"' for column in fitting[0])
+        names_ = ", ".join(_text(column["name"]) for column in fitting[0])
         unit = fitting[0][0]["unit"]
         if not unit:
             raise InputError(f"{log.name} states no unit of {fitting[0][0]['name']}; write it behind the name, as [mm]")
         line = f'{signal} = {{ column = [{names_}], unit = "{unit}" }}  # unit: {fitting[0][0]["why"]}'
         text = re.sub(rf"^{signal} = \{{.*$", line.replace("\\", r"\\"), text, flags=re.M)
-    text = re.sub(r"^file = .*$", f'file = "{Path(shown).as_posix()}"', text, flags=re.M)
-    return re.sub(r"^title = .*$", f'title = "Calibration from {log.name}"', text, flags=re.M)
+    for key, value in {"file": Path(shown).as_posix(), "title": f"Calibration from {log.name}"}.items():
+        line = f"{key} = {_text(value)}"
+        text = re.sub(rf"^{key} = .*$", line.replace("\\", r"\\"), text, flags=re.M)
+    return text
+
+
+def _text(value: str) -> str:
+    """A text in quotes, as TOML writes it."""
+    return json.dumps(value, ensure_ascii=False)

@@ -79,11 +79,14 @@ def test_a_calibration_from_a_log(gtmodel: Commands, tmp_path: Path) -> None:
     [
         (("calibratoin", "x"), "did you mean 'calibration'"),
         (("friction", "there"), "is there already"),
+        (("friction", ".."), "cannot be the name"),
+        (("calibration", "x", "--from", "empty.csv"), "empty.csv: is empty"),
         (("friction", "x", "--from", "there.toml"), "of kind 'friction'"),
     ],
 )
 def test_what_is_wrong_is_refused(words: tuple[str, ...], said: str, gtmodel: Commands, tmp_path: Path) -> None:
     (tmp_path / "there.toml").write_text("mine")
+    (tmp_path / "empty.csv").write_text("")
     done = gtmodel("new", *words)
     assert done.code == 2 and said in done.sentence and (tmp_path / "there.toml").read_text() == "mine"
     with pytest.raises(InputError):
