@@ -57,7 +57,8 @@ def _of_result(folder: Path, context: Context) -> view.RobotScene:
         raise InputError(f"{folder / written.RUN} does not say which problem was solved; solve it again") from error
     motion = reading.read(folder).trajectory
     if motion is None or not hasattr(problem, "model"):
-        raise InputError(f"'{run['problem']['kind']}' has no motion of a robot; name a robot, or another result")
+        kind = run["problem"]["kind"]
+        raise InputError(f"'{kind}' has no motion of a robot; gtmodel solve --report shows what this result has")
     force = getattr(getattr(problem, "limits", None), "force_N", None)
     limits = {} if force is None else {"tau": (-force, force)}
     return view.scene(problem.model(context), motion, limits=limits, title=problem.title or motion.title)
