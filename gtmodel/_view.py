@@ -9,7 +9,7 @@ from typing import Any
 from gtmodel import view
 from gtmodel._report import refuse_another
 from gtmodel.lang import Model
-from gtmodel.problem_files import robots
+from gtmodel.problem_files import python_models, robots
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.explaining import is_problem
 from gtmodel.problem_files.files import find
@@ -25,7 +25,8 @@ def write(what: str, out: Path | None, context: Context) -> Path:
     """Write the page of a robot, by its reference, or of a result folder; return its path. Raises InputError."""
     place = Path(what).parent if Path(what).name in (written.RESULT, written.RUN) else Path(what)
     is_result = (place / written.RESULT).is_file()
-    name = place.resolve().name if is_result else place.name.partition(":")[0].rpartition(".")[0] or place.name
+    file, _, inner = place.name.partition(":")
+    name = place.resolve().name if is_result else inner if python_models.is_reference(what) else Path(file).stem
     target = out or Path(f"{name}{SUFFIX}")
     if target.suffix not in (SUFFIX, GIF):
         raise InputError(f"-o {target} ends neither in {SUFFIX}, for a page, nor in {GIF}, for an animated picture")
@@ -56,7 +57,7 @@ def _of_result(folder: Path, context: Context) -> view.RobotScene:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"{folder / written.RUN} does not say which problem was solved; solve it again") from error
     motion = reading.read(folder).trajectory
-    if motion is None or not hasattr(problem, "model"):
+    if motion is None or not callable(getattr(problem, "model", None)):
         kind = run["problem"]["kind"]
         raise InputError(f"'{kind}' has no motion of a robot; gtmodel solve --report shows what this result has")
     force = getattr(getattr(problem, "limits", None), "force_N", None)
