@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+import shlex
 import textwrap
 from collections.abc import Iterator, Sequence
 from os.path import relpath
@@ -11,6 +13,7 @@ from typing import Any
 
 from gtmodel._files import problems_dir
 from gtmodel._near import meant
+from gtmodel._report import HELP, NO_REMARK
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.files import parse, shipped_names
 from gtmodel.problem_files.from_options import Key, keys_of
@@ -49,15 +52,16 @@ def write(what: str, name: str, log: Path | None = None, place: Path | None = No
     place = Path() if place is None else place
     stem = Path(name).name.removesuffix(".toml")
     target = place / Path(name).parent / f"{stem}.toml"
-    if not stem or not stem.isprintable():
+    if not stem.strip(".") or not stem.isprintable():
         raise InputError(f"'{name}' cannot be the name of a problem file")
     folder = problems_dir()
     if what == "robot":
         text = "\n".join(_without_schema((folder / _ROBOT_FILE).read_text(encoding="utf-8")))
-        return _put({target: text.encode()}), f"gtmodel explain {target}"
+        return _put({target: text.encode()}), _command("explain", target)
     kinds, shipped = names(), shipped_names()
     if what not in ("model", *kinds, *shipped):
-        raise InputError(f"there is no kind or problem '{what}'; {meant(what, [*kinds, *shipped], 'gtmodel schema')}")
+        lists = "gtmodel schema shows the kinds, gtmodel list problems the problems"
+        raise InputError(f"there is no kind or problem '{what}'; {meant(what, [*kinds, *shipped], lists)}")
     source = _MODEL if what == "model" else what if what in shipped else example_of(what)
     text = (folder / f"{source}.toml").read_text(encoding="utf-8")
     kind = str(parse(text.encode())["kind"])
@@ -70,11 +74,14 @@ def write(what: str, name: str, log: Path | None = None, place: Path | None = No
         moved = f"{stem}.py" if what == "model" and file == _MODEL_FILE else file
         files[target.parent / moved] = (folder / file).read_bytes()
         text = text.replace(f'"{file}', f'"{moved}')
-    head = [f"# From {source}, shipped with gtmodel. All keys: gtmodel schema {kind}"]
+    head = [f"{HELP} From {source}, shipped with gtmodel. All keys: gtmodel schema {kind}"]
     content = "\n".join([*head, *_annotated(_without_schema(text), kind), *_further(text, kind)]) + "\n"
-    command = "codegen" if kind == "codegen" else "solve"
-    more = f" -o {stem}-code" if kind == "codegen" else ""
-    return _put({target: content.encode(), **files}), f"gtmodel {command} {target}{more}"
+    words = ("codegen", target, "-o", f"{stem}-code") if kind == "codegen" else ("solve", target)
+    return _put({target: content.encode(), **files}), _command(*words)
+
+
+def _command(*words: object) -> str:
+    return shlex.join(["gtmodel", *map(str, words)])
 
 
 def _put(files: dict[Path, bytes]) -> list[Path]:
@@ -109,7 +116,7 @@ def _needed(folder: Path, text: str) -> Iterator[str]:
 
 def _without_schema(text: str) -> list[str]:
     """Lines without the one for editors, whose path is another one here, and without calls of the shipped file."""
-    return [s for s in text.rstrip().splitlines() if not re.match(r"#(:schema| (gtmodel \w+ )?problems/\S+\.toml)", s)]
+    return [s for s in text.rstrip().splitlines() if not NO_REMARK.match(s)]
 
 
 def _key_at(known: dict[str, Key], table: str, name: str) -> Key | None:
@@ -132,7 +139,7 @@ def _annotated(lines: Sequence[str], kind: str) -> Iterator[str]:
 
 
 def _comment(text: str, indent: str = "") -> str:
-    return textwrap.fill(text, WIDTH, initial_indent=f"# {indent}", subsequent_indent=f"#   {indent}",
+    return textwrap.fill(text, WIDTH, initial_indent=f"{HELP} {indent}", subsequent_indent=f"{HELP}   {indent}",
                          break_long_words=False, break_on_hyphens=False)  # fmt: skip
 
 
@@ -148,7 +155,7 @@ def _further(text: str, kind: str) -> Iterator[str]:
     data = parse(text.encode())
     rest = [key for key in keys_of(schema_of(kind)) if "." not in key.key and key.key not in data and key.description]
     if rest:
-        yield "\n# Further keys; they stand above the first [table]."
+        yield f"\n{HELP} Further keys; they stand above the first [table]."
     for key in rest:
         default = f" = {key.default}" if key.default else ""
         unit = f" [{key.unit}]" if key.unit and key.unit not in key.description else ""
@@ -164,7 +171,10 @@ def _with_log(text: str, log: Path, shown: str) -> str:
     """The text of a calibration with the file, columns and units that `inspect` sees in a log."""
     from gtmodel import _inspect
 
-    columns = _inspect.run(str(log), {}, Context(name=log.stem)).outcome.values["streams"].values()
+    try:
+        columns = _inspect.run(str(log), {}, Context(name=log.stem)).outcome.values["streams"].values()
+    except InputError as error:
+        raise error.within(log.name) from error
     seen = [column for stream in columns for column in stream["columns"]]
     groups: dict[str, list[Any]] = {}
     for column in seen:
@@ -178,11 +188,18 @@ def _with_log(text: str, log: Path, shown: str) -> str:
                 f"cannot tell which columns are {signal}; found {listed}; name them {signal}1, {signal}2, ... in the "
                 "log, or leave --from out and write them into the file"
             )
-        names_ = ", ".join(f'"{column["name"]}"' for column in fitting[0])
+        names_ = ", ".join(_text(column["name"]) for column in fitting[0])
         unit = fitting[0][0]["unit"]
         if not unit:
             raise InputError(f"{log.name} states no unit of {fitting[0][0]['name']}; write it behind the name, as [mm]")
         line = f'{signal} = {{ column = [{names_}], unit = "{unit}" }}  # unit: {fitting[0][0]["why"]}'
         text = re.sub(rf"^{signal} = \{{.*$", line.replace("\\", r"\\"), text, flags=re.M)
-    text = re.sub(r"^file = .*$", f'file = "{Path(shown).as_posix()}"', text, flags=re.M)
-    return re.sub(r"^title = .*$", f'title = "Calibration from {log.name}"', text, flags=re.M)
+    for key, value in {"file": Path(shown).as_posix(), "title": f"Calibration from {log.name}"}.items():
+        line = f"{key} = {_text(value)}"
+        text = re.sub(rf"^{key} = .*$", line.replace("\\", r"\\"), text, flags=re.M)
+    return text
+
+
+def _text(value: str) -> str:
+    """A text in quotes, as TOML writes it."""
+    return json.dumps(value, ensure_ascii=False)

@@ -18,13 +18,15 @@ from gtmodel.results.page.page import MARK, Asked, page
 from gtmodel.results.quantity import unit_of
 from gtmodel.results.written import sha256, sha256_of_file
 
+HELP = "##"  # comments of gtmodel new
+NO_REMARK = re.compile(rf"#:schema|{HELP}|# (gtmodel \w+ \S+|problems/\S+)\.toml")
 _HEAD = {"kind", "title"}
 
 
 def refuse_another(file: Path, option: str) -> None:
-    """Raises InputError if a file is there that is no page of gtmodel."""
+    """Raises InputError if a file is there that is no page or animated picture of gtmodel."""
     if file.exists() and not (file.is_file() and MARK.encode() in file.read_bytes()[:1000]):
-        raise InputError(f"{option} {file} is there already and is no page of gtmodel; name another file")
+        raise InputError(f"{option} {file} is there already and gtmodel did not write it; name another file")
 
 
 def write(file: Path, study: Study, about: Asked) -> Path:
@@ -73,6 +75,6 @@ def _rows(values: Mapping[str, str], known: Mapping[str, Key]) -> Iterator[tuple
 def _remarks(content: bytes) -> list[str]:
     """Comments of the problem file that stand on lines of their own: what its author says about it."""
     lines = content.decode("utf-8-sig").splitlines()
-    own = [s.startswith("#") and not re.match(r"#:schema|#.*\bproblems/", s) for s in lines]
+    own = [s.startswith("#") and not NO_REMARK.match(s) for s in lines]
     remarks = [s[1:].strip() if kept else "" for s, kept in zip(lines, own, strict=True)]
     return [" ".join(block.split()) for block in re.split(r"\n\s*\n", "\n".join(remarks)) if block.strip()]

@@ -64,6 +64,9 @@ Set = Annotated[
     typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the file: limits.force_N=500; repeatable."),
 ]
 Out = Annotated[Path | None, typer.Option(metavar="DIR", help="Write the result into this folder.", callback=_folder)]
+Report = Annotated[
+    bool, typer.Option("--report", help="Write report.html, one page to send; into ./NAME-result without --out.")
+]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Show no progress on stderr.")]
 WriteFailed = Annotated[
     bool,
@@ -219,9 +222,7 @@ def solve(
     out: Out = None,
     as_json: Json = False,
     plot: Annotated[bool, typer.Option("--plot", help="Draw pictures; into ./NAME-result without --out.")] = False,
-    report: Annotated[
-        bool, typer.Option("--report", help="Write report.html, one page to send; into ./NAME-result without --out.")
-    ] = False,
+    report: Report = False,
     max_seconds: Annotated[
         float | None, typer.Option(metavar="S", help="Time limit; the best iterate is kept.")
     ] = None,
@@ -244,9 +245,9 @@ def solve(
         loaded = _load(problem, settings, answer)
         job = run.context_of(loaded, max_seconds=max_seconds, start=start)
         folder = out or (Path(f"{job.name}-result") if plot or report else None)
-        page = partial(_asked, loaded, job, ["--write-failed"] * write_failed) if report else None
+        page = partial(run.about_problem, loaded, job, ["--write-failed"] * write_failed) if report else None
         with terminal.watching(job, quiet=quiet), _crew.crew_of(workers, cluster) as crew:
-            answer.finished = run.solve(loaded, job, out=folder, plot=plot, write_failed=write_failed, asked=page)
+            answer.finished = run.solve(loaded, job, out=folder, plot=plot, write_failed=write_failed, about=page)
         if (workers or cluster) and not crew.used:
             print(f"{problem}: this problem has no independent rows; the workers were not used", file=sys.stderr)
         if plot and not answer.finished.outcome.figures:
@@ -489,6 +490,7 @@ def certify(
     out: Out = None,
     as_json: Json = False,
     plot: Annotated[bool, typer.Option("--plot", help="Draw the boxes; into ./NAME-result without --out.")] = False,
+    report: Report = False,
     max_seconds: Annotated[float | None, typer.Option(metavar="S", help="Time limit; the rest is undecided.")] = None,
     quiet: Quiet = False,
 ) -> None:
@@ -496,7 +498,7 @@ def certify(
 
     Exit code 0 only if all is proved in the whole box.
     """
-    solve(context, problem, settings, out, as_json, plot, max_seconds=max_seconds, quiet=quiet)
+    solve(context, problem, settings, out, as_json, plot, report, max_seconds=max_seconds, quiet=quiet)
 
 
 @app.command()
@@ -549,12 +551,6 @@ def loop(
                 law=law, plant_timeout=plant_timeout, in_lockstep=lockstep, elastic=elastic, deceleration=deceleration,
                 **({} if following is None else {"following": following}),
             )  # fmt: skip
-
-
-def _asked(loaded: Any, job: Any, options: list[str]) -> Any:
-    from gtmodel._report import asked
-
-    return asked(loaded, job, options)
 
 
 def _editor_schema(kind: str | None, as_json: bool) -> str:

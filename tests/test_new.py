@@ -40,7 +40,9 @@ def test_a_new_file_of_a_kind_means_the_shipped_problem(kind: str, tmp_path: Pat
 def test_a_new_model_and_a_new_robot_work(gtmodel: Commands, tmp_path: Path) -> None:
     assert gtmodel("new", "model", "belt").code == 0
     assert {p.name for p in tmp_path.iterdir()} == {"belt.toml", "belt.py"}
-    assert gtmodel("solve", "belt.toml", "--set", "final_time_s=0.5").code == 0
+    assert gtmodel("solve", "belt.toml", "--set", "final_time_s=0.5", "--report").code == 0
+    assert "Further keys" not in Path("belt-result/report.html").read_text()  # its author did not write that
+    assert "try: gtmodel solve 'my belt.toml'" in gtmodel("new", "model", "my belt").out
     done = gtmodel("new", "robot", "arm")
     assert done.code == 0 and "try: gtmodel explain arm.toml" in done.out
     assert gtmodel("explain", "arm.toml").code == 0
@@ -77,11 +79,14 @@ def test_a_calibration_from_a_log(gtmodel: Commands, tmp_path: Path) -> None:
     [
         (("calibratoin", "x"), "did you mean 'calibration'"),
         (("friction", "there"), "is there already"),
+        (("friction", ".."), "cannot be the name"),
+        (("calibration", "x", "--from", "empty.csv"), "empty.csv: is empty"),
         (("friction", "x", "--from", "there.toml"), "of kind 'friction'"),
     ],
 )
 def test_what_is_wrong_is_refused(words: tuple[str, ...], said: str, gtmodel: Commands, tmp_path: Path) -> None:
     (tmp_path / "there.toml").write_text("mine")
+    (tmp_path / "empty.csv").write_text("")
     done = gtmodel("new", *words)
     assert done.code == 2 and said in done.sentence and (tmp_path / "there.toml").read_text() == "mine"
     with pytest.raises(InputError):

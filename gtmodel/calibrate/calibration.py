@@ -313,5 +313,5 @@ def residual_level(problem: CalibrationProblem, block: Block, x: np.ndarray) -> 
 def _arrived(fits: Sequence[Fitted]) -> str:
     if not fits:
         return "nothing is free: the robot is evaluated as it is"
-    counts = [f.descent.iterations for f in fits]
-    return f"solved in {max(counts)} iterations" + (f", {len(fits)} blocks" if len(fits) > 1 else "")
+    most = max(f.descent.iterations for f in fits)
+    return f"solved in {most} iteration{'s'[: most != 1]}" + (f", {len(fits)} blocks" if len(fits) > 1 else "")

@@ -58,20 +58,20 @@ class BoxCertificate(Study):
             Row("undecided", 100 * self.undecided, "%"),
             Row("boxes examined", self.boxes),
             *([] if self.scale is None else [Row("size relative to the given box", self.scale)]),
-            *([] if self.scale is None else [Row(f"  {n}, from and to", listed(x)) for n, x in self.box.items()]),
+            *([] if self.scale is None else [Row(f"  {n}, from and to", listed(x), "SI") for n, x in self.box.items()]),
             *[Row(name, word) for name, word in self.claims.items()],
         ]
         if self.least_singular_value is not None:
-            rows.append(Row("smallest singular value of the Jacobian, at least", self.least_singular_value))
+            rows.append(Row("smallest singular value of the Jacobian, at least", self.least_singular_value, "SI"))
         if self.steps is not None:
             rows.append(Row("steps of Newton's method, at most", self.steps))
         for name in list(self.errors)[:_SHOWN]:
             error, single, range_ = self.errors[name], self.float_errors[name], self.ranges[name]
             if range_ is not None:
-                rows.append(Row(f"{name}, from and to", listed(range_)))
+                rows.append(Row(f"{name}, from and to", listed(range_), "SI"))
             if error is not None:
                 word = "" if single is None else f"; in float {_above(single)}"
-                rows.append(Row(f"round-off of {name}, at most", f"{_above(error)}{word}"))
+                rows.append(Row(f"round-off of {name}, at most", f"{_above(error)}{word}", "SI"))
         return rows + [Row("assumed", sentence) for sentence in self.assumptions]
 
 

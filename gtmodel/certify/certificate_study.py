@@ -30,6 +30,7 @@ ASSUMPTIONS = (
     "the constants of the generated text are exact; how well they describe the machine is another question",
     "inputs are exact: the box holds the numbers that the function is given",
 )
+PROVED_ALL = "proved at every point of the box"
 RESOLUTION = 0.01  # of the size of the largest box
 
 
@@ -174,7 +175,7 @@ def _study_of(
     stopped = not leaves.complete
     return BoxCertificate(
         status=SolveStatus.INTERRUPTED if stopped else SolveStatus.SOLVED,
-        message=f"stopped with {100 * volumes[UNDECIDED]:.3g} % of the volume undecided" if stopped else "",
+        message=f"stopped with {100 * volumes[UNDECIDED]:.3g} % of the volume undecided" if stopped else PROVED_ALL,
         title=work.title,
         checks={"proved": at_least(volumes[PROVED], 1.0, advice)},
         proved=volumes[PROVED], refuted=volumes[REFUTED], undecided=volumes[UNDECIDED], boxes=leaves.examined,

@@ -151,7 +151,7 @@ def _study_of(
     places = {"u_m": uv[:, 0], "v_m": uv[:, 1], "x_m": T[:, 0], "y_m": T[:, 1], "z_m": T[:, 2]}
     return ComplianceStudy(
         status=SolveStatus.SOLVED if valid.any() else SolveStatus.INFEASIBLE,
-        message=SolveStatus.SOLVED.message if valid.any() else _empty(reasons),
+        message=f"{valid.sum()} of {len(valid)} points of the section computed" if valid.any() else _empty(reasons),
         title=title,
         checks={
             "work_cross_check": at_most(abs(work - by_C) / by_C if by_C else 0.0, WORK),

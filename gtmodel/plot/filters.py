@@ -173,9 +173,10 @@ def innovations_figure(
     names = [name for name, values in white.items() if np.isfinite(values).any()]
     figure, panels = with_panels(WIDTH, 1.2 + 2.1 * (len(names) + 1), len(names) + 1, title=title, sharex=True)
     for panel, name in zip(panels, names, strict=False):
-        colours = (BLUE, ORANGE, GREEN)
-        for k in range(white[name].shape[1]):
-            panel.plot(time, white[name][:, k], ".", markersize=1.2, color=colours[k % 3], label="xyz"[k % 3])
+        colours, parts = (BLUE, ORANGE, GREEN), white[name].shape[1]
+        for k in range(parts):
+            label = "xyz"[k % 3] if parts > 1 else None
+            panel.plot(time, white[name][:, k], ".", markersize=1.2, color=colours[k % 3], label=label)
         for limit in (-2, 2):
             panel.axhline(limit, **LIMIT)
         panel.set(ylabel="normalised [1]", title=f"innovations of the {name}")

@@ -43,9 +43,10 @@ def residuals_figure(
         order, histogram, normal, lags = row
         step = max(1, len(r) // SHOWN)
         label = f"{name} [{unit}]"
+        density = "1" if unit == "1" else f"1/{unit}" if unit.isalpha() else f"1/({unit})"
         order.plot(x[::step], r[::step], ".", color="0.4", markersize=3)
         order.set(xlabel=place, ylabel=label)
-        for axes, words in ((histogram, (label, f"density [1/({unit})]")), (normal, ("normal quantile [1]", label)),
+        for axes, words in ((histogram, (label, f"density [{density}]")), (normal, ("normal quantile [1]", label)),
                             (lags, ("lag [1]", "autocorrelation [1]"))):  # fmt: skip
             axes.set(xlabel=words[0], ylabel=words[1])
         if len(r) < 3 or not np.ptp(r) > 0:

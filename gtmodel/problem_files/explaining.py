@@ -34,7 +34,7 @@ def of(
     InputError, and ModelError with file and line for a causality that does not exist.
     """
     known, targets, prefer = split(known), split(targets), split(prefer)
-    if _is_problem(what) or (is_reference(what) and not (known or targets or prefer)):
+    if is_problem(what) or (is_reference(what) and not (known or targets or prefer)):
         if known or targets or prefer:
             raise InputError("a problem file states what is known; leave --known, --targets and --prefer out")
         loaded = load(what, settings)
@@ -53,7 +53,7 @@ def mobility_of(what: str, *options: Iterable[str]) -> str:
 
     Raises InputError for a problem file and for other options, and ModelError for a mechanism that cannot be assembled.
     """
-    if _is_problem(what) or any(options):
+    if is_problem(what) or any(options):
         raise InputError("--mobility takes a robot, such as l1_tape or FILE.py:CLASS, and no other options")
     context = Context()
     model = resolve(whole(what) if is_reference(what) else what, context, key="")
@@ -80,12 +80,11 @@ def split(texts: Iterable[str]) -> list[str]:
     return [name for name in names if name]
 
 
-def _is_problem(what: str) -> bool:
-    """True for a TOML file that is not clearly a robot file, and for a shipped problem."""
+def is_problem(what: str) -> bool:
+    """Return True for a TOML file that is not clearly a robot file, and for a shipped problem."""
     if not what.endswith(".toml"):
         return what in shipped_names()
     try:
-        data = parse(read(Path(what)))
+        return not is_robot_file(parse(read(Path(what))))
     except InputError:
         return True
-    return not is_robot_file(data)

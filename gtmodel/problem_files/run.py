@@ -7,10 +7,11 @@ import math
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -53,24 +54,23 @@ def held(folder: Path, context: Context) -> Iterator[Held]:
 
 def write(
     folder: Path | Held, loaded: Loaded, context: Context, outcome: Study, *, wall_s: float, plot: bool,
-    asked: Any = None,
+    report: bool = False,
 ) -> list[Path]:  # fmt: skip
     """Write a study with its run.toml, all files or none, and return their paths.
 
     The files are result.json, trajectory.csv if there is a trajectory (marked if it must not be used), the study's own
-    files, pictures if `plot` is set, report.html if `asked` is given, and run.toml. They replace those of an earlier
-    result in the folder. asked: what the report says about the problem, a `results.page.page.Asked`.
+    files, pictures with `plot`, report.html with `report`, and run.toml. They replace those of an earlier result.
 
     Raises InputError if the folder belongs to something else or cannot be written; NotDrawn if only a picture failed.
     """
     if isinstance(folder, Path):
         with held(folder, context) as target:
-            return write(target, loaded, context, outcome, wall_s=wall_s, plot=plot, asked=asked)
+            return write(target, loaded, context, outcome, wall_s=wall_s, plot=plot, report=report)
     files = written.files_of(outcome, result(loaded.name, loaded.problem.kind, outcome))
     if "flat" in context.inputs:  # the output of another flattener: errors name its lines
         files["flat.mo"] = context.inputs["flat"].read_bytes()
     faults = pictured(outcome, files) if plot else []
-    faults += written.reported(outcome, files, asked) if asked is not None else []
+    faults += written.reported(outcome, files) if report else []
     with about_out():
         paths = written.put(folder, files, lambda files: _run(loaded, context, wall_s, files))
     if faults:
@@ -101,9 +101,6 @@ def _run(loaded: Loaded, context: Context, wall_s: float, files: Mapping[str, by
         inputs[name] = str(path)
         inputs[f"{name}sha256"] = sha256_of_file(path)
     return record(inputs, wall_s, files, {"problem": loaded.problem.model_dump(mode="json", exclude_none=True)})
-
-
-_FAILED = "--write-failed"
 
 
 @dataclass(frozen=True)
@@ -149,7 +146,13 @@ def call_of(path: str | Path, settings: Iterable[str] = ()) -> Call:
         call = loaded.kind.call(loaded.problem, context)
     finish = call.finish
     call.rows_of = partial(rows_of, loaded, call, (*call.arguments, *call.options.values()))
-    return call.then(lambda study: noted(study if finish is None else finish(study), context))
+    about = partial(about_problem, loaded, context)
+    return call.then(lambda study: noted(study if finish is None else finish(study), context).with_(about=about))
+
+
+def about_problem(loaded: Loaded, context: Context, options: Sequence[str] = ()) -> Any:
+    """Return what a report says about a problem; see `_report.asked`."""
+    return import_module("gtmodel._report").asked(loaded, context, options)  # by name: for a report alone
 
 
 @contextmanager
@@ -213,22 +216,21 @@ class ProblemRows:
 
 def solve(
     loaded: Loaded, context: Context, *, out: Path | None = None, plot: bool = False, write_failed: bool = False,
-    asked: Callable[[], Any] | None = None,
+    about: Callable[[], Any] | None = None,
 ) -> Finished:  # fmt: skip
     """Solve a problem and write the result into `out`, if there is one. Raises InputError, if possible before the work.
 
     Files for a machine are written only if the result may be used, or with `write_failed`, marked in their first line.
-    asked: called after the work, for report.html; see `write`.
+    about: for report.html, see `Study.about`.
     """
     if out is None:
         return Finished(noted(answer(loaded, context), context), time.monotonic() - context.began)
     with held(out, context) as folder:
-        outcome = noted(answer(loaded, context), context)
+        outcome = noted(answer(loaded, context), context).with_(about=about)
         wall_s = time.monotonic() - context.began
-        outcome = for_machines(outcome, _FAILED if write_failed else "", _FAILED)
+        outcome = for_machines(outcome, "--write-failed" if write_failed else "", "--write-failed")
         try:
-            more = None if asked is None else asked()
-            files = write(folder, loaded, context, outcome, wall_s=wall_s, plot=plot, asked=more)
+            files = write(folder, loaded, context, outcome, wall_s=wall_s, plot=plot, report=about is not None)
         except NotDrawn as error:
             return Finished(outcome, wall_s, error.files, unwritten=str(error))
         except InputError as error:

@@ -15,7 +15,7 @@ import numpy as np
 from ..lang.units import UnitError, convert, parse_unit
 
 _SPELLED = {"percent": "%", "Nm": "N.m", "kgm": "kg.m", "kgm2": "kg.m2"}
-_TORQUES = {"Nm": "N.m", "MNm": "MN.m"}  # in a numerator: Nm_rad is N.m/rad
+_PRODUCTS = {"Nm": "N.m", "MNm": "MN.m", "Ns": "N.s", "Nms": "N.m.s"}  # Nm_rad is N.m/rad, rad_s_Nm rad/s/(N.m)
 _PER = "per"
 _NO_UNIT = {"min"}  # means minimum, never minutes
 
@@ -43,7 +43,9 @@ def _unit(words: list[str]) -> str:
     words = [word for word in words if word != _PER]
     if len(words) == 1 and words[0] in _SPELLED:
         return _SPELLED[words[0]]
-    text = "/".join(_TORQUES.get(word, word) for word in words)
+    first, *others = words
+    divisors = (f"({_PRODUCTS[word]})" if word in _PRODUCTS else word for word in others)
+    text = "/".join([_PRODUCTS.get(first, first), *divisors])
     try:
         parse_unit(text)
     except UnitError:

@@ -49,6 +49,7 @@ class Study(Portable):
     trajectory: the motion, if there is one.
     figures: name -> function that draws a matplotlib figure; `figure` calls it.
     scenes: name -> function that returns a `gtmodel.view.RobotScene`; `view` calls it.
+    about: function that returns what a problem file asked for, for the report; None without a file.
     files: file name -> content of files besides result.json, such as map.csv.
     machine_files: names of files that a machine or another program uses, such as a robot program; they are written only
         if the result may be used. TRAJECTORY is one of them if a machine follows it; otherwise a failed study writes it
@@ -82,6 +83,7 @@ class Study(Portable):
     trajectory: Trajectory | None = None
     figures: Mapping[str, Callable[[], Any]] = field(default_factory=dict)
     scenes: Mapping[str, Callable[[], Any]] = field(default_factory=dict)
+    about: Callable[[], Any] | None = field(default=None, init=False)
     files: Mapping[str, str | bytes] = field(default_factory=dict)
     machine_files: Collection[str] = ()
 

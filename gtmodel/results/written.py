@@ -167,12 +167,12 @@ def pictured(study: Study, files: dict[str, bytes]) -> list[str]:
     return faults
 
 
-def reported(study: Study, files: dict[str, bytes], asked: Any = None) -> list[str]:
-    """Add report.html to `files`, and return a sentence if it cannot be written. asked: `page.Asked`, if known."""
+def reported(study: Study, files: dict[str, bytes]) -> list[str]:
+    """Add report.html to `files`, and return a sentence if it cannot be written."""
     from .page.page import REPORT, page  # here: a result without a report needs no page
 
     try:
-        files[REPORT] = page(study, asked, sha256(files[RESULT])).encode()
+        files[REPORT] = page(study, study.about and study.about(), sha256(files[RESULT])).encode()
     except Exception as error:
         fault = " ".join(str(error).split())
         return [f"{REPORT} could not be written ({type(error).__name__}: {fault}); please report it"]

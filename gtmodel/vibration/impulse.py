@@ -336,7 +336,7 @@ def impulse_study(
     text = tomli_w.dumps({"frequency_Hz": frequency, "damping": damping})
     return ImpulseStudy(
         status=SolveStatus.SOLVED,
-        message=f"{len(m.resonances)} resonances in {len(record)} samples",
+        message=f"{len(m.resonances)} resonance{'s'[: len(m.resonances) != 1]} in {len(record)} samples",
         title=title,
         checks={} if truth is None else _checks(m, truth),
         figures={"impulse": partial(_figure, record, m, entitled(title or "decay", m.synthetic))},

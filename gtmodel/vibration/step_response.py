@@ -295,7 +295,7 @@ def step_study(
     parameters = {"a": m.a, "b": m.b, "delay_samples": m.delay, "sample_time_s": m.sample_time}
     return StepStudy(
         status=SolveStatus.SOLVED,
-        message=f"{len(records)} recordings, delay {m.delay} samples",
+        message=f"{len(records)} recording{'s'[: len(records) > 1]}, delay {m.delay} sample{'s'[: m.delay != 1]}",
         title=title,
         checks={} if truth is None else _checks(m, truth),
         figures={"step": partial(_figure, records, m, entitled(title or "step response", m.synthetic))},

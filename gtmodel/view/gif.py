@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..results.page.page import MARK
+
 if TYPE_CHECKING:
     from .space import RobotScene
 
@@ -36,8 +38,8 @@ def gif(scene: RobotScene, *, width: int = 640, height: int = 480, rate: float =
     drawn = (camera.picture(t).resize((width, height)) for t in shown)
     pictures = [picture.convert("P", palette=Image.Palette.ADAPTIVE, colors=64) for picture in drawn]
     buffer = io.BytesIO()
-    duration = min(LONGEST, round(1e3 / rate))
-    pictures[0].save(buffer, "GIF", save_all=True, append_images=pictures[1:], duration=duration, loop=0, disposal=2)
+    how = {"duration": min(LONGEST, round(1e3 / rate)), "loop": 0, "disposal": 2, "comment": MARK.encode()}
+    pictures[0].save(buffer, "GIF", save_all=True, append_images=pictures[1:], **how)
     return buffer.getvalue()
 
 

@@ -32,7 +32,7 @@ const main = document.querySelector("main"), space = make("div", main, { classNa
 const canvas = make("canvas", space, { tabIndex: 0 });
 canvas.setAttribute("role", "img");
 canvas.setAttribute("aria-label", `${scene.title}: ${scene.parts.length} parts in space. Arrow keys turn the view, plus and minus zoom, space plays.`);
-make("div", space, { className: "help", textContent: "drag: turn   shift + drag: move   wheel: zoom   keys: arrows + − 0 1 2 3, space, , ." });
+make("div", space, { className: "help", textContent: "drag: turn · shift + drag: move · wheel: zoom · keys: arrows, + −, 0: all, 1 2 3: front, side, top" });
 const tip = make("div", space, { className: "tip", hidden: true });
 
 let view = null; // axes of the camera, and the projection, of the last drawing
@@ -87,7 +87,7 @@ const drawn = () => {
       let before = p[0];
       for (let k = 1; k <= n; k++) {
         const next = project(add(scaled(ends[0], 1 - k / n), scaled(ends[1], k / n))), from = before;
-        items.push([(from[2] + next[2]) / 2 + (shape === "guideway" ? 0.01 * size : 0), (g) => {
+        items.push([(from[2] + next[2]) / 2 + (shape === "guideway" ? 0.05 * size : 0), (g) => {
           const d = Math.hypot(next[0] - from[0], next[1] - from[1]) || 1, over = 0.6 / d; // no gap between pieces
           const to = [next[0] + over * (next[0] - from[0]), next[1] + over * (next[1] - from[1])];
           line(g, from, to, thick(from), colour, "butt");
@@ -154,6 +154,7 @@ for (const { name, unit, values, limits } of scene.signals) {
   c.setAttribute("role", "img"); c.setAttribute("aria-label", `${name} over time`);
   let [bottom, top] = [Math.min(...all), Math.max(...all)];
   if (!(top - bottom > 1e-12 * Math.max(1, Math.abs(top)))) [bottom, top] = [bottom - 1, top + 1];
+  const ticks = [bottom, (bottom + top) / 2, top];
   [bottom, top] = [bottom - 0.06 * (top - bottom), top + 0.06 * (top - bottom)];
   const left = 48, label = (v) => (Math.abs(v) < 1e-3 * (top - bottom) ? 0 : Number(v.toPrecision(3)));
   const shown = values.slice(0, 6), head = shown.length > 3 ? 32 : 18; // many values stand below the name
@@ -163,7 +164,7 @@ for (const { name, unit, values, limits } of scene.signals) {
     g.clearRect(0, 0, w, h + 4);
     g.strokeStyle = "#ccc"; g.lineWidth = 1; g.strokeRect(left, head, w - left - 6, h - head);
     g.font = "12px sans-serif"; g.fillStyle = "#222"; g.textAlign = "left"; g.fillText(unit === "1" ? name : `${name} [${unit}]`, left, 12);
-    g.textAlign = "right"; g.fillStyle = "#555"; for (const v of [bottom, (bottom + top) / 2, top]) g.fillText(label(v), left - 4, Math.min(Math.max(y(v) + 4, head + 8), h));
+    g.textAlign = "right"; g.fillStyle = "#555"; for (const v of ticks) g.fillText(label(v), left - 4, Math.min(Math.max(y(v) + 4, head + 8), h));
     g.setLineDash([3, 3]); for (const v of limits ?? []) line(g, [left, y(v)], [w - 6, y(v)], 1, "#777"); g.setLineDash([]);
     values.forEach((row, k) => {
       g.strokeStyle = COLOURS[k % COLOURS.length]; g.lineWidth = 1.6; g.setLineDash([[], [6, 3], [2, 2]][Math.floor(k / COLOURS.length) % 3]);

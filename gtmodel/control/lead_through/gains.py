@@ -27,9 +27,7 @@ class SurfaceGains(Options):
 
     cycle: Annotated[float, Unit("s"), Within(above=0.0), "between two commands"] = 0.004
     mass: Annotated[float, Unit("kg"), Within(above=0.0), "M of (8.6), felt at the handle"] = 5.0
-    damping: Annotated[
-        float, Unit("N.s/m", key="damping_Ns_m"), Within(above=0.0), "D of (8.6): steady speed is force / D"
-    ] = 100.0
+    damping: Annotated[float, Unit("N.s/m"), Within(above=0.0), "D of (8.6): steady speed is force / D"] = 100.0
     force_gain: Annotated[float, Unit("m/s/N"), Within(above=0.0), "K of (8.4)"] = 0.01
     force_reference: Annotated[float, Unit("N"), Within(least=0.0), "force on the tool along the normal"] = 2.0
     any_direction: Annotated[
@@ -124,9 +122,7 @@ class TurningGains(Options):
 
     by_handle: Annotated[bool, "the handle's torque turns the tool without contact"] = False
     inertia: Annotated[float, Unit("kg.m2", key="inertia_kgm2"), Within(above=0.0), "felt at the handle"] = 0.05
-    damping: Annotated[
-        float, Unit("N.m.s/rad", key="damping_Nms_rad"), Within(above=0.0), "steady rate is torque / damping"
-    ] = 1.0
+    damping: Annotated[float, Unit("N.m.s/rad"), Within(above=0.0), "steady rate is torque / damping"] = 1.0
     torque_gain: Annotated[
         float,
         Unit("rad/s/(N.m)", key="torque_gain_rad_s_Nm"),
@@ -251,9 +247,7 @@ class Hand(Options):
     """
 
     mass: Annotated[float, Unit("kg"), Within(least=0.0), "moving with the handle"] = 0.5
-    damping: Annotated[float, Unit("N.s/m", key="damping_Ns_m"), Within(least=0.0), "towards the target velocity"] = (
-        10.0
-    )
+    damping: Annotated[float, Unit("N.s/m"), Within(least=0.0), "towards the target velocity"] = 10.0
     stiffness: Annotated[float, Unit("N/m"), Within(least=0.0), "towards the target position"] = 200.0
 
     def force(self, off: np.ndarray, relative: np.ndarray, acceleration: np.ndarray) -> np.ndarray:

@@ -136,7 +136,7 @@ class HandRange(Options):
     """
 
     mass: Annotated[Between, Unit("kg"), Within(least=0.0), "from and to"] = (0.0, 2.0)
-    damping: Annotated[Between, Unit("N.s/m", key="damping_Ns_m"), Within(least=0.0), "from and to"] = (2.0, 40.0)
+    damping: Annotated[Between, Unit("N.s/m"), Within(least=0.0), "from and to"] = (2.0, 40.0)
     stiffness: Annotated[Between, Unit("N/m"), Within(least=0.0), "from and to"] = (0.0, 800.0)
     least_damping: Annotated[
         float, Within(least=0.0, below=1.0), "least damping ratio of every mode of the loop with every hand"

@@ -60,7 +60,8 @@ def study_of_motion(
         checks["coverage_outside_band"] = at_most(float(np.count_nonzero((c.hits < low) | (c.hits > high))), 0.0)
     status = SolveStatus.INTERRUPTED if SolveStatus.INTERRUPTED in [e.status for e in runs] else best.status
     reached = ReachedOptima([e.objective if e.status.ok else None for e in runs])
-    sentences = [best.message, reached.message(best.objective) if best.status.ok else ""]
+    stopped = "stopped before every start was optimised" if status is not best.status else ""
+    sentences = [stopped, best.message, reached.message(best.objective) if best.status.ok else ""]
     return ExcitationStudy(
         status=status, message="; ".join(filter(None, sentences)), title=title, objective=best.objective,
         iterations=sum(e.iterations for e in runs), checks=checks, **values, trajectory=trajectory,

@@ -65,7 +65,7 @@ def _pixels(figure: Any) -> str:
     data = base64.b64encode(buffer.getvalue()).decode()
     width, height = POINTS * figure.get_size_inches()
     return (
-        f'<svg viewBox="0 0 {width:g} {height:g}" xmlns="http://www.w3.org/2000/svg" '
+        f'<svg width="{width:g}pt" viewBox="0 0 {width:g} {height:g}" xmlns="http://www.w3.org/2000/svg" '
         f'xmlns:xlink="http://www.w3.org/1999/xlink"><image width="{width:g}" height="{height:g}" '
         f'xlink:href="data:image/png;base64,{data}"/></svg>'
     )

@@ -99,9 +99,10 @@ def _figures(study: Study) -> Mapping[str, Callable[[], Any]]:
 
 def _parts(study: Study, asked: Asked, result: str, drawings: Mapping[str, Drawing]) -> list[str]:
     rows = quantity_rows(study)
-    numbers = [row for row in rows if row[0] not in (VERDICT, ASSUMED)]
+    numbers = [(label, value, "" if unit == "1" else unit) for label, value, unit in rows
+               if label.strip() not in (VERDICT, ASSUMED)]  # fmt: skip
     return [
-        *_verdict(study, [value for label, value, _ in rows if label == VERDICT]),
+        *_verdict(study, [value for label, value, _ in rows if label.strip() == VERDICT]),
         *_section("What was asked", [asked.what, *asked.remarks, *_keys(asked.keys)]),
         *_checks(study.checks),
         *_section("Result", [PageTable(("quantity", "value", "unit"), numbers)]),
@@ -110,7 +111,7 @@ def _parts(study: Study, asked: Asked, result: str, drawings: Mapping[str, Drawi
         *_in_space(study),
         *(line for heading, content in study.sections.items() for line in _section(heading, content)),
         *_assumed(asked, [value for label, value, _ in rows if label == ASSUMED]),
-        *_section("Versions and files", [PageTable(("what", "", "sha256"), _origin(asked, result))]),
+        *_section("Versions and files", [PageTable(("what", "name or version", "sha256"), _origin(asked, result))]),
         *_again(asked),
     ]
 
@@ -123,7 +124,7 @@ def _origin(asked: Asked, result: str) -> list[Sequence[str]]:
 def _verdict(study: Study, rows: Sequence[str]) -> list[str]:
     word = study.done if study.status.ok else study.status.value
     sound = "good" if study.status.ok else "bad"
-    sentences = [study.message, *(row for row in rows if row != study.message)]
+    sentences = [s for s in (study.message, *rows) if s != study.status.message] or [study.message]
     lines = [f'<div class="box {sound}"><b>{escape(word.replace("_", " "))}</b>{_list(sentences)}</div>']
     made = study.values.get("synthetic")
     return [*lines, f'<p class="made">Synthetic data: {escape(made)}</p>'] if isinstance(made, str) and made else lines
@@ -147,8 +148,8 @@ def _list(sentences: Sequence[str]) -> str:
 
 def _table(table: PageTable) -> str:
     used = [k for k, head in enumerate(table.heads) if any(str(row[k]) for row in table.rows)]
-    top = "".join(f"<th>{escape(table.heads[k])}</th>" for k in used)
     numeric = {k for k in used if all(isinstance(row[k], (int, float)) for row in table.rows)}
+    top = "".join(f"<th{RIGHT if k in numeric else ''}>{escape(table.heads[k])}</th>" for k in used)
     lines = ["<tr>" + "".join(_cell(row[k], k in numeric) for k in used) + "</tr>" for row in table.rows]
     return f"<table><tr>{top}</tr>{''.join(lines)}</table>"
 
@@ -168,7 +169,7 @@ def _keys(rows: Sequence[Sequence[str]]) -> list[Part]:
 def _checks(checks: Mapping[str, Check]) -> list[str]:
     if not checks:
         return []
-    lines = ["<table><tr><th>check</th><th>value</th><th>unit</th><th>bound</th><th>verdict</th></tr>"]
+    lines = [f"<table><tr><th>check</th><th{RIGHT}>value</th><th>unit</th><th>bound</th><th>verdict</th></tr>"]
     for name, check in checks.items():
         stem, unit = split(name)
         bound = bound_in_words(check) if check.compares else ""
@@ -215,8 +216,8 @@ def _assumed(asked: Asked, sentences: list[str]) -> list[str]:
     lines = [_list(sentences)] if sentences else []
     if asked.defaults:
         table = "".join(map(_part, _keys(asked.defaults)))
-        count = f"{len(asked.defaults)} keys that the problem does not set have their defaults."
-        lines.append(f"<details><summary>{count}</summary>{table}</details>")
+        keys = f"Keys that the problem does not set, with their defaults: {len(asked.defaults)}"
+        lines.append(f"<details><summary>{keys}</summary>{table}</details>")
     return ["<h2>What is assumed</h2>", *lines] if lines else []
 
 
