@@ -6,7 +6,7 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,6 +31,18 @@ class Answer:
         self.brief = False
         self.finished: Finished | None = None
         self.data: dict[str, Any] | None = None
+
+    def load(self, problem: str, settings: Sequence[str] | None) -> Any:
+        """Load the problem that is asked for, and take over its kind and title."""
+        from gtmodel.problem_files.load import load, refuse_twice
+
+        refuse_twice(settings or ())
+        loaded = load(problem, settings or ())
+        self.problem, self.kind = loaded.name, loaded.problem.kind
+        self.title = loaded.problem.title or loaded.path.stem
+        if loaded.shipped:
+            print(f"there is no {problem} here; using the one shipped with gtmodel: {loaded.path}", file=sys.stderr)
+        return loaded
 
 
 @contextmanager

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 # no windows; set before anything imports matplotlib
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -21,7 +21,7 @@ import typer
 from typer.exceptions import TyperException
 
 from gtmodel import _terminal as terminal
-from gtmodel._answer import Answer, answering, print_json
+from gtmodel._answer import answering, print_json
 
 app = typer.Typer(
     help="Kinematics, dynamics, optimal motions and C code of robots, from one set of equations.",
@@ -242,7 +242,7 @@ def solve(
     from gtmodel.problem_files import run
 
     with answering(context, as_json, problem) as answer:
-        loaded = _load(problem, settings, answer)
+        loaded = answer.load(problem, settings)
         job = run.context_of(loaded, max_seconds=max_seconds, start=start)
         folder = out or (Path(f"{job.name}-result") if plot or report else None)
         page = partial(run.about_problem, loaded, job, ["--write-failed"] * write_failed) if report else None
@@ -374,7 +374,7 @@ def sweep(
         from gtmodel import _sweep_command
         from gtmodel.problem_files import run
 
-        loaded = _load(problem, settings, answer)
+        loaded = answer.load(problem, settings)
         job = run.context_of(loaded, max_seconds=max_seconds)
         folder = out or (Path(f"{job.name}-sweep") if plot else None)
         with terminal.watching(job, "stopping; finished rows are kept", quiet=quiet):
@@ -461,7 +461,7 @@ def codegen(
         from gtmodel import _report
 
         answer.brief = True
-        loaded = _load(problem, settings, answer)
+        loaded = answer.load(problem, settings)
         job = run.context_of(loaded)
         if report is not None:
             _report.refuse_another(report, "--report")
@@ -482,23 +482,9 @@ def codegen(
             answer.finished.files.append(_report.write(report, answer.finished.outcome, about))
 
 
-@app.command()
-def certify(
-    context: typer.Context,
-    problem: Problem,
-    settings: Set = None,
-    out: Out = None,
-    as_json: Json = False,
-    plot: Annotated[bool, typer.Option("--plot", help="Draw the boxes; into ./NAME-result without --out.")] = False,
-    report: Report = False,
-    max_seconds: Annotated[float | None, typer.Option(metavar="S", help="Time limit; the rest is undecided.")] = None,
-    quiet: Quiet = False,
-) -> None:
-    """Prove what a problem of kind certificate claims at every point of its box; the same as solve.
-
-    Exit code 0 only if all is proved in the whole box.
-    """
-    solve(context, problem, settings, out, as_json, plot, report, max_seconds=max_seconds, quiet=quiet)
+app.command(
+    "certify", help="Prove what a problem of kind certificate claims at every point of its box; the same as solve."
+)(solve)
 
 
 @app.command()
@@ -568,36 +554,6 @@ def _commands() -> set[str]:
     return {c.name or c.callback.__name__ for c in app.registered_commands if c.callback is not None}
 
 
-def _plain(sentence: str, words: list[str]) -> str:
-    """Error message about the command line, with a hint at the probable mistake."""
-    sentence = sentence.replace(
-        "Input should be a valid number, unable to parse string as a number", "expected a number"
-    )
-    if "extra argument" in sentence and "=" in words:
-        place = words.index("=")
-        return f"{sentence}; write {''.join(words[max(0, place - 1) : place + 2])}, without blanks around ="
-    if "No such option" not in sentence:
-        return sentence
-    if words[0].startswith("-") and (command := next((w for w in words if w in _commands()), None)):
-        return f"{sentence.partition(' (')[0]} here; options come after the command: gtmodel {command} ... {words[0]}"
-    single = next(
-        (w for w in words if len(w) > 2 and w[0] == "-" and w[1:].replace("-", "").isalpha() and w[1] != "-"), None
-    )
-    return f"{sentence}; an option has two dashes: -{single}" if single else sentence
-
-
-def _load(problem: str, settings: Sequence[str] | None, answer: Answer) -> Any:
-    from gtmodel.problem_files.load import load, refuse_twice
-
-    refuse_twice(settings or ())
-    loaded = load(problem, settings or ())
-    answer.problem, answer.kind = loaded.name, loaded.problem.kind
-    answer.title = loaded.problem.title or loaded.path.stem
-    if loaded.shipped:
-        print(f"there is no {problem} here; using the one shipped with gtmodel: {loaded.path}", file=sys.stderr)
-    return loaded
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
@@ -608,7 +564,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = app(args=words, prog_name="gtmodel", standalone_mode=False)
         sys.stdout.flush()
     except TyperException as error:  # a wrong option, or no command at all
-        sentence = _plain(error.format_message().rstrip("."), words)
+        from gtmodel._near import plain
+
+        sentence = plain(error.format_message().rstrip("."), words, _commands())
         if not words:
             print(sentence)
             return error.exit_code
