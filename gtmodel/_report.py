@@ -20,12 +20,15 @@ from gtmodel.results.written import sha256, sha256_of_file
 
 HELP = "##"  # comments of gtmodel new
 NO_REMARK = re.compile(rf"#:schema|{HELP}|# (gtmodel \w+ \S+|problems/\S+)\.toml")
+ENDS = 1000  # bytes at the beginning and, of a film, at the end in which gtmodel says that it wrote a file
 _HEAD = {"kind", "title"}
 
 
 def refuse_another(file: Path, option: str) -> None:
-    """Raises InputError if a file is there that is no page or animated picture of gtmodel."""
-    if file.exists() and not (file.is_file() and MARK.encode() in file.read_bytes()[:1000]):
+    """Raises InputError if a file is there that is no page, picture or film of gtmodel."""
+    if file.exists() and not (
+        file.is_file() and MARK.encode() in (content := file.read_bytes())[:ENDS] + content[-ENDS:]
+    ):
         raise InputError(f"{option} {file} is there already and gtmodel did not write it; name another file")
 
 

@@ -1,9 +1,15 @@
 """A robot in space, in one HTML file: its parts from its model, its motion over time, its forces beside it.
 
 scene         the scene of a robot and a motion
-RobotScene    points over time, parts that join them, signals; as a page
+RobotScene    points and frames over time, what joins and covers them, signals; as a page, picture or film
 VisiblePart   a bar, joint, cart, face, guideway, path or set of axes
 points_of     names of the points of a model
+
+VisibleBody   vertices with triangles, lines or marks, fixed to a frame
+dots, groups  marks at positions, all alike or one group for each label
+lines, frustum, ellipsoid   lines of sight, what a camera sees, error of a position
+
+Box, Cylinder, Sphere, Capsule, MeshFile   what a part looks like, for `visual` of its class
 """
 
 from typing import TYPE_CHECKING
@@ -11,7 +17,23 @@ from typing import TYPE_CHECKING
 from .._lazy import public
 
 if TYPE_CHECKING:
+    from .bodies import (
+        VisibleBody as VisibleBody,
+        dots as dots,
+        ellipsoid as ellipsoid,
+        frustum as frustum,
+        groups as groups,
+        lines as lines,
+    )
     from .robot import points_of as points_of, scene as scene
+    from .solids import (
+        Box as Box,
+        Capsule as Capsule,
+        Cylinder as Cylinder,
+        MeshFile as MeshFile,
+        Sphere as Sphere,
+        VisibleSolid as VisibleSolid,
+    )
     from .space import RobotScene as RobotScene, VisiblePart as VisiblePart
 
 public(__name__)

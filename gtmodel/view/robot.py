@@ -1,63 +1,108 @@
-"""The scene of a robot, from the components of its model: what joins two points is a bar."""
+"""The scene of a robot, from the components of its model: what joins two points is a bar; what a class declares as
+`visual` covers its frames."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ..compiler.causal import CausalFunction, compile_causal, flat_of
-from ..lang import Model, ModelError
-from ..results import ArgumentError, Status, Trajectory
+from .._near import meant
+from ..compiler.causal import flat_of
+from ..lang import Model
+from ..lang.declare import Declaration, Parameter
+from ..results import ArgumentError, Trajectory
+from .bodies import COLOURS
+from .poses import poses_of, size_of
+from .solids import Visual, solids_of
 from .space import RobotScene, VisiblePart
 
 Array = np.ndarray
-# Okabe-Ito, which colour-blind readers tell apart; the same as in gtmodel.plot.style, which needs matplotlib
-ROD_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 GROUND = "#b0b0b0"  # of bars that never move
-FRAMES = 240  # most instants of a page
-PER_DRIVE, PERIOD = 24, 2.0  # instants and seconds in which a drive moves to and fro
-TURN, TRAVEL = 0.35, 0.1  # rad, and part of the robot's size, by which it moves
 SAME = 1e-9  # m: points closer than that at all times are one
 BEYOND, AXIS = 0.25, 0.08  # guideway beyond the travel of its cart, and length of axes, in sizes of the robot
 TOOLS = ("plate.frame", "end", "tool.frame")  # points whose path is drawn
-KNOWN = (("q",), ("T",), ("T", "e"), ("T", "R"))  # what may determine the pose
+OVERSIZE = 30.0  # sizes of the robot; a solid larger than that is in another unit
+WORLD = "world"  # frame of what stands still
 
 
 def scene(
     robot: Model, motion: Trajectory | None = None, *, limits: Mapping[str, tuple[float, float]] | None = None,
-    title: str = "",
+    title: str = "", visual: Visual | None = None,
 ) -> RobotScene:  # fmt: skip
     """Return the scene of a robot: rods, links, joints, carts, guideways and plate, from the components of its model.
+
+    A component looks like the solids in `visual` of its class, if there is one: a dictionary from frames or points of the
+    component to solids of gt.view, or a property that returns one.
 
     Args:
         robot: any model whose components have points in space.
         motion: with the actuators q or the tool centre point T, as studies return it; its signals are shown beside the
-            robot. Without a motion, each drive moves to and fro about the home pose.
+            robot. Without a motion, each drive moves to and fro about the home pose, or, in a mechanism without drives,
+            each free coordinate about its start value.
         limits: (low, high) of signals by name, drawn with them.
         title: of the page.
+        visual: more solids by frame of the robot or in "world": {"plate.frame": gt.view.Box((0.3, 0.3, 0.02))}.
 
-    Raises ArgumentError for a model without points in space, and for a motion that does not determine its poses.
+    Raises ArgumentError for a model without points in space, for a motion that does not determine its poses, for a
+    `visual` with an unknown frame, and for a solid 30 times larger than the robot, which is in another unit.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> page = gt.view.scene(robot)
     >>> page.at("plate.frame", 0.0).round(3), robot.home
     (array([ 0.5, -0.9,  0.3]), array([ 0.5, -0.9,  0.3]))
+
+    Parts with a look of their own:
+
+    >>> class Lever(gt.Model):
+    ...     L = gt.parameter(0.5, unit="m")
+    ...     ground = gt.part(gt.mechanics.Ground)
+    ...     joint = gt.part(gt.mechanics.Revolute, axis=[0.0, 1.0, 0.0])
+    ...     arm = gt.part(gt.mechanics.FixedTranslation, d=lambda lever: [lever.L, 0.0, 0.0])
+    ...     body = gt.part(gt.mechanics.RigidBody, m=2.0, I=0.01 * np.eye(3))
+    ...
+    ...     @property
+    ...     def visual(self):
+    ...         along = {"xyz": (self.L / 2, 0.0, 0.0), "rpy": (0.0, np.pi / 2, 0.0)}
+    ...         return {"arm.a": gt.view.Cylinder(0.02, self.L, **along), "body.frame": gt.view.Box((0.1, 0.08, 0.08))}
+    ...
+    ...     def equations(self):
+    ...         yield gt.connect(self.ground.frame, self.joint.a)
+    ...         yield gt.connect(self.joint.b, self.arm.a)
+    ...         yield gt.connect(self.arm.b, self.body.frame)
+    ...
+    >>> page = gt.view.scene(Lever(L=0.4))
+    >>> [body.name for body in page.bodies], page.at("body.frame", 0.0)
+    (['arm.a', 'body.frame'], array([0.4, 0. , 0. ]))
     """
     flat, names = flat_of(robot), points_of(robot)
+    solids = [*_solids(flat), *solids_of(visual or {}, type(robot).__name__)]
     if not names:
         raise ArgumentError(f"{type(robot).__name__} has no components with points in space", "robot")
+    carried = _carried(flat, solids, type(robot).__name__)
     turns = [n for n in ("R", "end.R", "plate.frame.R") if flat.groups.get(n, ((), []))[0] == (3, 3)][:1]
-    time, values, shown = _poses(robot, [*names, *turns], motion)
+    rotations = [f"{n}.R" for n in carried if f"{n}.R" in flat.groups]
+    time, values, shown = poses_of(robot, [*names, *turns, *rotations], motion)
     points = {n.removesuffix(".r"): v for n, v in zip(names, values, strict=False)}
+    orientations = dict(zip(rotations, values[len(names) + len(turns) :], strict=True))
+    values = values[: len(names) + len(turns)]
+    frames = {n: _frame(points[n], orientations.get(f"{n}.R")) for n in carried}
+    bodies = [solid.body(frame if frame != WORLD else "") for frame, solid in solids]
     tools = [n for n in TOOLS if n in points]
     points, one_of = _distinct(points)
-    size = _size(points)
-    parts = [*_parts(flat, points, one_of), *_guideways(flat, points, one_of, size)]
-    if not parts:
+    size = size_of(points)
+    covered = {one_of[n] for n in carried}
+    parts = [*_parts(flat, points, one_of, covered), *_guideways(flat, points, one_of, size)]
+    for body in bodies if len(points) > 1 else ():
+        if body.extent > OVERSIZE * size:
+            raise ArgumentError(
+                f"the solid in '{body.frame or WORLD}' is {body.extent:.3g} m across, the robot {size:.3g} m; a mesh "
+                "in millimetres needs scale=0.001", "visual",
+            )  # fmt: skip
+    if not parts and not bodies:
         raise ArgumentError(f"no component of {type(robot).__name__} joins two points", "robot")
     tool = one_of[tools[0]] if tools else ""
     if tool:
@@ -69,91 +114,60 @@ def scene(
     still = {n: p[0] if np.ptp(p, axis=0).max() < SAME else p for n, p in points.items()}
     named = motion.title if motion is not None else ""
     name = title or named or type(robot).__name__
-    return RobotScene(still, parts, time, shown, limits or {}, name)
+    return RobotScene(still, parts, time, shown, limits or {}, name, frames=frames, bodies=bodies)
 
 
 def points_of(robot: Model) -> list[str]:
     """Return the names of the positions of points and frames in the components of a model, (3,) [m]; none if there is
-    one at most.
+    one at most and no part has a `visual`.
 
     >>> gt.view.points_of(gt.mechanics.UniformRod(L=1.0, m=1.0))
     ['a.r', 'b.r']
     """
-    points = [n for n, (shape, _) in flat_of(robot).groups.items() if n.endswith(".r") and shape == (3,)]
-    return points if len(points) > 1 else []
+    flat = flat_of(robot)
+    points = [n for n, (shape, _) in flat.groups.items() if n.endswith(".r") and shape == (3,)]
+    return points if len(points) > 1 or any(_visual_of(c) for c in flat.tree.components) else []
 
 
-def _poses(robot: Model, targets: Sequence[str], motion: Trajectory | None) -> tuple[Array, list[Array], Any]:
-    """Times (n,), the targets (n, ...), and the signals at these times."""
-    if motion is None:
-        time, values = _to_and_fro(robot, targets)
-        return time, values, None
-    rows = np.unique(np.linspace(0, len(motion.time) - 1, min(FRAMES, len(motion.time))).round().astype(int))
-    for known in KNOWN:
-        if not set(known) <= set(motion.names) or (function := _compiled(robot, known, targets)) is None:
-            continue
-        *values, status = function(*(np.asarray(motion[name])[rows] for name in known))
-        if np.all(np.asarray(status) == Status.OK):
-            signals = {name: np.asarray(motion[name])[rows] for name in motion.names}
-            units = {name: motion.units[name] for name in motion.names if name in motion.units}
-            return motion.time[rows], values, Trajectory(motion.time[rows], signals, units, title=motion.title)
-    raise ArgumentError(
-        "the motion does not determine the poses of the robot; it needs q, or T, within the robot's reach; it has "
-        f"{', '.join(motion.names)}", "motion",
-    )  # fmt: skip
+def _visual_of(component: Model) -> bool:
+    """True if the class of a component says what it looks like."""
+    return not isinstance(getattr(type(component), "visual", None), Declaration | None)
 
 
-def _compiled(robot: Model, known: Sequence[str], targets: Sequence[str]) -> CausalFunction | None:
-    """The function from `known` alone to the targets; None if they do not follow from it."""
-    try:
-        function = compile_causal(robot, known=list(known), targets=list(targets))
-    except ModelError:
-        return None
-    return function if len(function.inputs) == len(known) else None
+def _solids(flat: Any) -> Iterator[tuple[str, Any]]:
+    """Frames, by their full names, and solids that the classes of the components declare.
+
+    A property `visual` reads the parameters of its component as numbers.
+    """
+    for component in filter(_visual_of, flat.tree.components):
+        cls, path = type(component), component._path
+        of = {n: f"{path}.{n}" if path else n for n, item in cls._declared.items() if isinstance(item, Parameter)}
+        known = {n: flat.bindings[name] for n, name in of.items() if name in flat.bindings}
+        numbers = ca.Function("p", [flat.p], list(known.values())).call([flat.p0])
+        shapes = [tuple(cls._declared[n].shape) for n in known]
+        arrays = [np.array(x, float).reshape(shape) for x, shape in zip(numbers, shapes, strict=True)]
+        values = {n: x if x.shape else float(x) for n, x in zip(known, arrays, strict=True)}
+        for frame, solid in solids_of(cls(**values).visual, cls.__name__):
+            yield f"{path}.{frame}" if path and frame != WORLD else frame, solid
 
 
-def _to_and_fro(robot: Model, targets: Sequence[str]) -> tuple[Array, list[Array]]:
-    """The home pose, and each drive in turn moved to and fro, as far as the robot reaches."""
-    flat, home = flat_of(robot), _home(robot, targets)
-    if home is None:
-        raise ArgumentError(f"no home pose of {type(robot).__name__} is known; pass a motion with q", "robot")
-    start, function = home
-    (moved, first), *others = start.items()
-    *at_home, _ = function(*start.values())
-    size = _size({str(k): np.asarray(v)[None] for k, v in enumerate(at_home) if np.shape(v) == (3,)})
-    shift = np.sin(2 * np.pi * np.arange(PER_DRIVE) / PER_DRIVE)
-    moves = [first[None]]
-    for k, index in enumerate(flat.groups[moved][1]):
-        far = TRAVEL * size if flat.variables[index].unit == "m" else TURN
-        moves.append(first + np.outer(far * shift, np.eye(len(first))[k]))
-    rows = np.vstack([*moves, first])
-    *values, status = function(rows, *(np.repeat([value], len(rows), axis=0) for _, value in others))
-    good = np.asarray(status) == Status.OK
-    time = PERIOD / PER_DRIVE * np.arange(int(good.sum()))
-    return time, [np.asarray(v)[good] for v in values]
+def _carried(flat: Any, solids: Sequence[tuple[str, Any]], owner: str) -> list[str]:
+    """The frames and points that carry solids. Raises ArgumentError for names that the model does not have."""
+    names = [frame for frame, _ in solids if frame != WORLD]
+    there = [n.removesuffix(".r") for n, (shape, _) in flat.groups.items() if n.endswith(".r") and shape == (3,)]
+    for name in names:
+        if name not in there:
+            hint = meant(name, there, f"there are {', '.join(there[:8])}")
+            raise ArgumentError(f"visual: {owner} has no frame or point '{name}'; {hint}", "visual")
+    return list(dict.fromkeys(names))
 
 
-def _home(robot: Model, targets: Sequence[str]) -> tuple[dict[str, Array], CausalFunction] | None:
-    """What determines the home pose, with its values, and the function of it."""
-    flat, starts = flat_of(robot), dict[str, Array]()
-    for name in ("q", "T", "e", "R"):
-        shape, indices = flat.groups.get(name, ((), []))
-        known = [flat.variables[k].start for k in indices]
-        if known and (name == "q" or None not in known):
-            starts[name] = np.array([x or 0.0 for x in known]).reshape(shape)
-    point = np.asarray(getattr(robot, "home", ()), float)
-    if point.shape == (3,) and "T" in flat.groups:
-        starts["T"] = point
-        # a home that is a point tells q better than starts that nobody set
-        inverse = _compiled(robot, ("T",), ("q",)) if "q" in starts and not starts["q"].any() else None
-        if inverse is not None and (q := inverse(point))[1] == Status.OK:
-            starts["q"] = np.asarray(q[0])
-    for known in KNOWN:
-        if set(known) <= set(starts) and (function := _compiled(robot, known, targets)) is not None:
-            values = {name: starts[name] for name in known}
-            if function(*values.values())[-1] == Status.OK:
-                return values, function
-    return None
+def _frame(point: Array, R: Array | None) -> Array:
+    """Rotation and position (n, 3, 4), or (3, 4) for a frame that stands still."""
+    r = np.asarray(point, float)[..., None]
+    turned = np.broadcast_to(np.eye(3), (len(r), 3, 3)) if R is None else np.asarray(R, float)
+    pose = np.concatenate([turned, r], axis=2)
+    return pose[0] if np.ptp(pose, axis=0).max() < SAME else pose
 
 
 def _distinct(points: Mapping[str, Array]) -> tuple[dict[str, Array], dict[str, str]]:
@@ -168,12 +182,6 @@ def _distinct(points: Mapping[str, Array]) -> tuple[dict[str, Array], dict[str, 
     return distinct, one_of
 
 
-def _size(points: Mapping[str, Array]) -> float:
-    """Extent of the points at the first instant [m]."""
-    first = np.array([p[0] for p in points.values()])
-    return float(np.linalg.norm(np.ptp(first, axis=0))) or 1.0
-
-
 def _owners(one_of: Mapping[str, str]) -> dict[str, list[str]]:
     """The points of each component."""
     points: dict[str, list[str]] = defaultdict(list)
@@ -184,14 +192,23 @@ def _owners(one_of: Mapping[str, str]) -> dict[str, list[str]]:
     return points
 
 
-def _parts(flat: Any, points: Mapping[str, Array], one_of: Mapping[str, str]) -> Iterator[VisiblePart]:
-    """Bars between the points of a component, faces of those with three or more, and joints at the ends."""
+def _parts(
+    flat: Any, points: Mapping[str, Array], one_of: Mapping[str, str], covered: Collection[str]
+) -> Iterator[VisiblePart]:
+    """Bars between the points of a component, faces of those with three or more, and joints at the ends; none of a
+    component whose own frame is covered by a solid."""
     owners = _owners(one_of)
     bars: dict[frozenset[str], VisiblePart] = {}
     rods = [o for o in owners if f"{o}.tension" in flat.groups or f"{o}.L" in flat.bindings]
+    hidden = {
+        own
+        for n in flat.rotations
+        if covered and one_of.get(n.removesuffix(".R")) in covered and (own := n.removesuffix(".R").rpartition(".")[0])
+    }
+    owners = {own: p for own, p in owners.items() if own not in hidden}
     for owner in sorted(owners, key=lambda o: (-o.count("."), list(owners).index(o))):
         first, *others = owners[owner]
-        colour = ROD_COLOURS[rods.index(owner) % len(ROD_COLOURS)] if owner in rods else ""
+        colour = COLOURS[rods.index(owner) % len(COLOURS)] if owner in rods else ""
         for other in others:
             still = all(np.ptp(points[n], axis=0).max() < SAME for n in (first, other))
             bar = VisiblePart("bar", (first, other), owner, colour or (GROUND if still else ""))

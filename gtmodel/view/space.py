@@ -1,6 +1,7 @@
-"""A scene: points in space over time, parts that join them, and signals beside it; one HTML page without a network.
+"""A scene: points and frames in space over time, parts that join the points, bodies on the frames, and signals beside
+it; one HTML page without a network.
 
-The page is ours: a script of 250 lines on a plain canvas. A robot is bars, joints and plates, needs no meshes, and
+The page is ours: a script of 300 lines on a plain canvas. A robot is bars, joints and plates, needs no meshes, and
 shows in a browser without 3-D graphics too. viser 1.1.1 starts a server to write a page of 0.8 MB, and pins rich and
 websockets below the releases used here; plotly writes 4.8 MB.
 """
@@ -19,12 +20,14 @@ import numpy as np
 from ..results import ArgumentError, Trajectory
 from ..results.disk import path_of, write_whole
 from ..results.page.page import MARK
+from .bodies import VisibleBody
 
 Shape = Literal["bar", "joint", "cart", "face", "guideway", "path", "axes"]
 DIGITS = 7  # of a coordinate behind the point: 0.1 um
 SIGNIFICANT = 6  # digits of a signal
 FIRST = ("N", "N.m", "m", "rad", "m/s", "rad/s")  # units whose signals are shown first
 CHARTS = 6  # signals that are shown; the others are in trajectory.csv
+LARGEST = 6_000_000  # bytes of a page
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ class VisiblePart:
 
 @dataclass(frozen=True, eq=False)
 class RobotScene:
-    """Points in space over time with the parts that join them.
+    """Points and frames in space over time, with the parts that join points and the bodies that frames carry.
 
     Args:
         points: by name, (n, 3) at each time or (3,) if it stands still [m].
@@ -54,8 +57,12 @@ class RobotScene:
         limits: (low, high) of signals by name, in the unit of the signal.
         title: of the page.
         unit: "s"; of separate poses what they are, such as "mode": the page then steps from one to the next.
+        note: a sentence under the title, such as the scale of what is enlarged.
+        frames: by name, (n, 3, 4) at each time or (3, 4): rotation to world coordinates, and position [m].
+        bodies: surfaces, lines and marks, each in a frame or in the world.
 
-    Raises ArgumentError for a part with an unknown point, and for points with another number of times.
+    Raises ArgumentError for a part with an unknown point, a body with an unknown frame, and for points and frames with
+    another number of times.
 
     >>> tip = gt.view.RobotScene({"a": [0.0, 0.0, 0.0], "b": [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]},
     ...                     [gt.view.VisiblePart("bar", ("a", "b"))], time=[0.0, 1.0], title="a turning bar")
@@ -70,31 +77,58 @@ class RobotScene:
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     title: str = ""
     unit: str = "s"
+    note: str = ""
+    frames: Mapping[str, Any] = field(default_factory=dict)
+    bodies: Sequence[VisibleBody] = ()
 
     def __post_init__(self) -> None:
         count = len(np.atleast_1d(self.time))
-        for name, value in self.points.items():
-            shape = np.shape(value)
-            if shape not in ((3,), (count, 3)):
-                raise ArgumentError(f"'{name}': expected shape (3,) or ({count}, 3); found {shape}", "points")
+        for what, of, own in (("points", self.points, (3,)), ("frames", self.frames, (3, 4))):
+            for name, value in of.items():
+                shape = np.shape(value)
+                if shape not in (own, (count, *own)):
+                    raise ArgumentError(f"'{name}': expected shape {own} or {(count, *own)}; found {shape}", what)
+        for body in self.bodies:
+            if body.frame and body.frame not in self.frames:
+                raise ArgumentError(f"body '{body.name}' is in '{body.frame}', which is no frame", "bodies")
         for part in self.parts:
             if unknown := [name for name in part.points if name not in self.points]:
                 raise ArgumentError(f"{part.shape} '{part.name}' joins '{unknown[0]}', which is no point", "parts")
 
     def at(self, point: str, time: float) -> np.ndarray:
         """Return where a point is at a time [s], (3,) [m]; between two times linear, as the page shows it."""
-        value, times = np.asarray(self.points[point], float), np.atleast_1d(self.time)
-        return value if value.ndim == 1 else np.array([np.interp(time, times, x) for x in value.T])
+        return self._at(self.points[point], time, 1)
+
+    def vertices_at(self, body: VisibleBody, time: float) -> np.ndarray:
+        """Return where the vertices of a body are at a time [s], (v, 3) [m]."""
+        return self.placed(body, body.vertices, time)
+
+    def placed(self, body: VisibleBody, positions: Any, time: float) -> np.ndarray:
+        """Return positions (n, 3) in the frame of a body as they are in the world at a time [s], (n, 3) [m]."""
+        if not body.frame:
+            return np.asarray(positions, float)
+        pose = self._at(self.frames[body.frame], time, 2)
+        return positions @ pose[:, :3].T + pose[:, 3]
+
+    def _at(self, values: Any, time: float, dimensions: int) -> np.ndarray:
+        value, times = np.asarray(values, float), np.atleast_1d(self.time)
+        if value.ndim == dimensions:
+            return value
+        columns = value.reshape(len(value), -1).T
+        return np.array([np.interp(time, times, x) for x in columns]).reshape(value.shape[1:])
 
     def document(self) -> dict[str, Any]:
-        """Return the data of the page: title, time [s], points [m], parts and signals."""
-        names = list(self.points)
+        """Return the data of the page: title, note, time [s], points [m], parts, frames, bodies and signals."""
+        names, frames = list(self.points), list(self.frames)
         return {
             "title": self.title,
             "unit": self.unit,
+            "note": self.note,
             "time": _rounded(np.atleast_1d(self.time)),
             "points": {name: _rounded(self.points[name]) for name in names},
             "parts": [[p.shape, [names.index(n) for n in p.points], p.name, p.colour] for p in self.parts],
+            "frames": {name: _rounded(_flat(self.frames[name])) for name in frames},
+            "bodies": [_data(body, frames) for body in self.bodies],
             "signals": [] if self.signals is None else list(self._shown(self.signals)),
         }
 
@@ -113,6 +147,11 @@ class RobotScene:
         style, script = ((folder / name).read_text(encoding="utf-8") for name in ("view.css", "view.js"))
         data = json.dumps(self.document(), ensure_ascii=False, separators=(",", ":"), allow_nan=False)
         data = data.replace("</", "<\\/")
+        if (size := len((data + script).encode())) > LARGEST:
+            raise ArgumentError(
+                f"the page would have {size / 1e6:.1f} MB, more than {LARGEST / 1e6:.0f} MB; draw fewer points, "
+                "instants or meshes"
+            )
         title = escape(self.title or "scene")
         return (
             f'<!DOCTYPE html>\n<html lang="en"><head>{MARK}<meta charset="utf-8"><title>{title}</title>'
@@ -121,13 +160,21 @@ class RobotScene:
             f"{data}</script><script>\n{script}</script></body></html>\n"
         )
 
-    def write(self, path: str | Path) -> Path:
-        """Write the page into a file, or an animated picture if the name ends in .gif, also over an older one, and
-        return the path. Raises ArgumentError."""
-        from .gif import gif  # here: a page needs no Pillow
+    def write(self, path: str | Path, *, time: float | None = None) -> Path:
+        """Write the page into a file, also over an older one, and return the path; a picture if the name ends in .png,
+        an animated one if it ends in .gif, and a film, which the program ffmpeg encodes, if it ends in .mp4.
+
+        time: of a picture [s]; by default the first. Raises ArgumentError.
+        """
+        from . import pictures  # here: a page needs no Pillow
 
         place = path_of(path)
-        content = gif(self) if place.suffix == ".gif" else self.html().encode()
+        times = np.atleast_1d(self.time)
+        if time is not None and not times[0] <= time <= times[-1]:
+            raise ArgumentError(f"the scene has {self.unit} {times[0]:g} to {times[-1]:g}; found {time:g}", "time")
+        made = {".png": lambda: pictures.png(self, time), ".gif": lambda: pictures.gif(self),
+                ".mp4": lambda: pictures.mp4(self)}  # fmt: skip
+        content = made.get(place.suffix, lambda: self.html().encode())()
         try:
             write_whole(place, content, overwrite=True)
         except OSError as error:
@@ -137,6 +184,24 @@ class RobotScene:
     def _repr_html_(self) -> str:
         style = "width:100%;height:640px;border:0"
         return f'<iframe sandbox="allow-scripts" style="{style}" srcdoc="{escape(self.html())}"></iframe>'
+
+
+def _flat(frame: Any) -> np.ndarray:
+    """Rotation and position as rows of twelve numbers."""
+    value = np.asarray(frame, float)
+    return value.reshape(*value.shape[:-2], 12)
+
+
+def _data(body: VisibleBody, frames: Sequence[str]) -> list[Any]:
+    """A body as the page has it: frame, name, colour, opacity, marker, whether it is closed, and numbers."""
+    place = frames.index(body.frame) if body.frame else -1
+    look = [place, body.name, body.colour, body.opacity, body.marker, body.closed]
+    return [
+        *look,
+        _rounded(body.vertices.reshape(-1)),
+        body.faces.reshape(-1).tolist(),
+        body.edges.reshape(-1).tolist(),
+    ]
 
 
 def _rounded(values: Any) -> Any:

@@ -7,6 +7,7 @@ const LOOK = {
   bar: ["#4d4d4d", 0.008], joint: ["#222222", 0.010], cart: ["#555555", 0.022], face: ["#8db3d9", 0.002],
   guideway: ["#b0b0b0", 0.005], path: ["#d55e00", 0.002], axes: ["", 0.004],
 };
+const MARK = { disc: "●", cross: "✕", ring: "○", square: "■", triangle: "▲" };
 const AXES = ["#d55e00", "#009e73", "#0072b2"];
 const moving = scene.unit === "s"; // or separate poses, a second each when played
 let frame = 0; // between two instants it has a fraction
@@ -20,19 +21,47 @@ const pointAt = (k, at = frame) => {
   return p.length < 2 ? p[0] : add(scaled(p[n], 1 - part), scaled(p[n + 1], part));
 };
 
+// bodies: vertices in a frame of twelve numbers, rows of rotation and position; -1 is the world
+const frames = Object.values(scene.frames), triples = (flat) => Array.from({ length: flat.length / 3 }, (_, k) => flat.slice(3 * k, 3 * k + 3));
+const bodies = scene.bodies.map(([at, name, colour, opacity, marker, closed, vertices, faces, edges]) => ({ at, name, colour, opacity, marker, closed, faces, edges, vertices: triples(vertices),
+  rgb: [1, 3, 5].map((k) => parseInt(colour.slice(k, k + 2), 16)) }));
+const placed = (f, list, at = frame) => {
+  let m = frames[f];
+  if (!m) return list;
+  if (Array.isArray(m[0])) {
+    const n = Math.min(Math.floor(at), m.length - 1), next = m[Math.min(n + 1, m.length - 1)], part = at - n;
+    m = m[n].map((x, k) => x + part * (next[k] - x));
+  }
+  return list.map(([x, y, z]) => [m[0] * x + m[1] * y + m[2] * z + m[3], m[4] * x + m[5] * y + m[6] * z + m[7], m[8] * x + m[9] * y + m[10] * z + m[11]]);
+};
+const cornersOf = (list) => {
+  const ends = [0, 1, 2].map((k) => list.reduce(([a, b], v) => [Math.min(a, v[k]), Math.max(b, v[k])], [Infinity, -Infinity]));
+  return ends[0].flatMap((x) => ends[1].flatMap((y) => ends[2].map((z) => [x, y, z])));
+};
+const everything = points.flatMap((p) => (Array.isArray(p[0]) ? p : [p])).concat(bodies.flatMap((b) => {
+  const corners = cornersOf(b.vertices), m = frames[b.at];
+  return m && Array.isArray(m[0]) ? m.flatMap((_, k) => (k % 8 ? [] : placed(b.at, corners, k))) : placed(b.at, corners);
+}));
+
 // the box of everything at all times
 const low = [1e9, 1e9, 1e9], high = [-1e9, -1e9, -1e9];
-for (const p of points) for (const x of Array.isArray(p[0]) ? p : [p]) x.forEach((v, k) => { low[k] = Math.min(low[k], v); high[k] = Math.max(high[k], v); });
+for (const x of everything) x.forEach((v, k) => { low[k] = Math.min(low[k], v); high[k] = Math.max(high[k], v); });
 const size = Math.hypot(...minus(high, low)) || 1;
 const HOME = { azimuth: -0.96, elevation: 0.35, distance: 4 * size, target: scaled(add(low, high), 0.5) };
 let camera = structuredClone(HOME);
 
 const make = (tag, parent, more = {}) => parent.appendChild(Object.assign(document.createElement(tag), more));
+if (scene.note) document.querySelector("h1").after(make("p", document.body, { className: "note", textContent: scene.note }));
 const main = document.querySelector("main"), space = make("div", main, { className: "space" });
 const canvas = make("canvas", space, { tabIndex: 0 });
 canvas.setAttribute("role", "img");
-canvas.setAttribute("aria-label", `${scene.title}: ${scene.parts.length} parts in space. Arrow keys turn the view, plus and minus zoom, space plays.`);
+canvas.setAttribute("aria-label", `${scene.title}: ${scene.parts.length + bodies.length} parts in space. Arrow keys turn the view, plus and minus zoom, space plays.`);
 make("div", space, { className: "help", textContent: "drag: turn · shift + drag: move · wheel: zoom · keys: arrows, + −, 0: all, 1 2 3: front, side, top" });
+const legend = bodies.filter((b) => b.marker && b.name);
+if (legend.length) {
+  const list = make("ul", space, { className: "legend" });
+  for (const b of legend) make("span", make("li", list, { textContent: ` ${b.name}` }), { textContent: MARK[b.marker], style: `color:${b.colour}` });
+}
 const tip = make("div", space, { className: "tip", hidden: true });
 
 let view = null; // axes of the camera, and the projection, of the last drawing
@@ -76,8 +105,41 @@ const drawFloor = (g) => {
   [[[x0 + 1, y0], "x [m]"], [[x1, y0 + 1], "y [m]"]].forEach(([[x, y], text], k) => { const p = k ? at(x + 0.9, y) : at(x, y - 0.8); g.fillText(text, p[0], p[1]); });
 };
 
+// a mark of 4 pixels to each side
+const mark = (g, [x, y], marker, colour) => {
+  g.fillStyle = g.strokeStyle = colour; g.lineWidth = 1.5; g.beginPath();
+  if (marker === "disc" || marker === "ring") g.arc(x, y, 3.2, 0, 7);
+  else if (marker === "square") g.rect(x - 3, y - 3, 6, 6);
+  else if (marker === "triangle") { g.moveTo(x, y - 4); g.lineTo(x + 4, y + 3); g.lineTo(x - 4, y + 3); g.closePath(); }
+  else { g.moveTo(x - 3.2, y - 3.2); g.lineTo(x + 3.2, y + 3.2); g.moveTo(x - 3.2, y + 3.2); g.lineTo(x + 3.2, y - 3.2); }
+  if (marker === "ring" || marker === "cross") g.stroke(); else g.fill();
+};
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const drawBodies = (items) => {
+  const light = add(view.out, scaled(view.up, 0.6));
+  for (const b of bodies) {
+    const world = placed(b.at, b.vertices), p = world.map(project);
+    for (let n = 0; n < b.faces.length; n += 3) {
+      const [i, j, k] = [b.faces[n], b.faces[n + 1], b.faces[n + 2]], [u, v, w] = [p[i], p[j], p[k]];
+      if (b.closed && (v[0] - u[0]) * (w[1] - u[1]) - (v[1] - u[1]) * (w[0] - u[0]) >= 0) continue; // it looks away
+      const normal = cross(minus(world[j], world[i]), minus(world[k], world[i]));
+      const bright = 0.55 + 0.4 * Math.abs(dot(normal, light)) / (Math.hypot(...normal) * 1.17 || 1);
+      const paint = `rgba(${b.rgb.map((x) => Math.round(x * bright))},${b.opacity})`;
+      items.push([(u[2] + v[2] + w[2]) / 3, (g) => {
+        g.fillStyle = paint; g.beginPath(); g.moveTo(u[0], u[1]); g.lineTo(v[0], v[1]); g.lineTo(w[0], w[1]); g.closePath(); g.fill();
+        if (b.opacity === 1) { g.strokeStyle = paint; g.lineWidth = 0.8; g.stroke(); } // no gap between triangles
+      }]);
+    }
+    for (let n = 0; n < b.edges.length; n += 2) {
+      const [u, v] = [p[b.edges[n]], p[b.edges[n + 1]]];
+      items.push([(u[2] + v[2]) / 2, (g) => line(g, u, v, 1.2, b.colour)]);
+    }
+    if (b.marker) for (const q of p) items.push([q[2], (g) => mark(g, q, b.marker, b.colour)]);
+  }
+};
 const drawn = () => {
   const items = [];
+  drawBodies(items);
   for (const [shape, of, name, own] of scene.parts) {
     const [usual, width] = LOOK[shape], colour = own || usual, p = of.map((k) => project(pointAt(k)));
     const thick = (q) => 2 * width * size * q[3];
@@ -124,7 +186,6 @@ const FILLED = 0.72; // of the canvas by the robot, at first
 let fitted = false;
 const fit = () => {
   // everything at all times, in a few steps, as the perspective changes with the distance
-  const everything = points.flatMap((p) => (Array.isArray(p[0]) ? p.filter((_, k) => k % 8 === 0) : [p]));
   for (let k = 0; k < 5; k++) {
     look();
     const q = everything.map(project), [x, y] = [q.map((p) => p[0]), q.map((p) => p[1])];
@@ -226,6 +287,7 @@ canvas.addEventListener("pointerleave", () => { tip.hidden = true; });
 const hover = (e) => {
   let best = 12, found = null;
   points.forEach((_, k) => { const p = pointAt(k), q = project(p), d = Math.hypot(q[0] - e.offsetX, q[1] - e.offsetY); if (d < best) [best, found] = [d, [names[k], p]]; });
+  for (const b of bodies) if (b.marker) placed(b.at, b.vertices).forEach((p) => { const q = project(p), d = Math.hypot(q[0] - e.offsetX, q[1] - e.offsetY); if (d < best) [best, found] = [d, [b.name, p]]; });
   tip.hidden = !found;
   if (!found) return;
   tip.textContent = `${found[0]}\n${found[1].map((x) => x.toFixed(4)).join(", ")} m`;

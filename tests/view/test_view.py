@@ -16,7 +16,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.view import RobotScene, VisiblePart
-from gtmodel.view.gif import gif
+from gtmodel.view.pictures import gif
 from tests.support.commands import Commands
 from tests.support.pages import read
 

@@ -20,7 +20,7 @@ from ...results import ArgumentError, Check, SolveStatus, Work, at_most, naming
 from ...results.disk import path_of
 from ...results.status import ModesStatus
 from ...results.work import WorkOptions, study_function
-from ...view.robot import ROD_COLOURS
+from ...view.bodies import COLOURS
 from ...view.space import RobotScene, VisiblePart
 from ..causality.point_table import UNIT_LENGTH
 from .modes import AssemblyModes
@@ -409,7 +409,7 @@ def _in_space(judged: Judged, title: str) -> RobotScene:
     links = range(len(hands.A[0]))
     points: dict[str, Any] = {f"cart joint {k + 1}": hands.A[0][k] for k in links}
     points |= {f"plate joint {k + 1}": joints[:, k] for k in links} | {"tool centre point": modes.T}
-    colours = {k: ROD_COLOURS[n % len(ROD_COLOURS)] for n, legs in enumerate(hands.carts) for k in legs}
+    colours = {k: COLOURS[n % len(COLOURS)] for n, legs in enumerate(hands.carts) for k in legs}
     ends = [(f"cart joint {k + 1}", f"plate joint {k + 1}") for k in links]
     parts = [VisiblePart("bar", ends[k], f"link {k + 1}", colours[k]) for k in links]
     parts += [VisiblePart("bar", ("tool centre point", f"plate joint {k + 1}"), "plate") for k in links]

@@ -1,0 +1,192 @@
+"""Bodies of a scene: vertices with triangles, lines or marks, fixed to a frame of the scene or to the world."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from ..results import ArgumentError
+
+Array = np.ndarray
+Marker = Literal["", "disc", "ring", "cross", "square", "triangle"]
+MARKERS: tuple[Marker, ...] = ("disc", "cross", "ring", "square", "triangle")
+# Okabe-Ito, which colour-blind readers tell apart; the same as in gtmodel.plot.style, which needs matplotlib
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+SOLID, CLEAR = "#b9c3cc", 0.4  # colour of a surface that has none, and opacity of an ellipsoid
+AROUND = 24  # corners of a circle
+MOST_DOTS = 20_000  # of one group
+
+
+@dataclass(frozen=True, eq=False)
+class VisibleBody:
+    """Vertices with what joins them, in coordinates of a frame.
+
+    Args:
+        vertices: (v, 3) [m].
+        faces: (f, 3) numbers of vertices; counter-clockwise seen from outside.
+        edges: (e, 2) numbers of vertices, drawn as lines.
+        marker: drawn at each vertex: "disc", "ring", "cross", "square" or "triangle"; groups with markers are in the
+            legend of the page.
+        name: shown in the legend and at the pointer. colour: as "#0072b2". opacity: of the faces, up to 1.
+        frame: name of a frame of the scene; "" for the world.
+
+    Raises ArgumentError for numbers that are not finite, and for faces and edges of unknown vertices.
+
+    >>> square = gt.view.VisibleBody([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], faces=[[0, 1, 2], [0, 2, 3]])
+    >>> square.closed
+    False
+    """
+
+    vertices: Any
+    faces: Any = ()
+    edges: Any = ()
+    marker: Marker = ""
+    name: str = ""
+    colour: str = SOLID
+    opacity: float = 1.0
+    frame: str = field(default="", kw_only=True)
+
+    def __post_init__(self) -> None:
+        vertices = np.array(self.vertices, float).reshape(-1, 3)
+        if not len(vertices) or not np.isfinite(vertices).all():
+            raise ArgumentError(f"'{self.name}': expected rows of three finite numbers", "vertices")
+        object.__setattr__(self, "vertices", vertices)
+        for what, size in (("faces", 3), ("edges", 2)):
+            indices = np.array(getattr(self, what), int).reshape(-1, size)
+            if indices.size and not (indices.min() >= 0 and indices.max() < len(vertices)):
+                raise ArgumentError(f"'{self.name}': there are {len(vertices)} vertices, numbered from 0", what)
+            object.__setattr__(self, what, indices)
+
+    @property
+    def closed(self) -> bool:
+        """True if the faces enclose a volume: then those that look away are hidden behind the others."""
+        sides = np.vstack([self.faces[:, [k, (k + 1) % 3]] for k in range(3)])
+        if not len(sides):
+            return False
+        count = len(self.vertices)
+        there, back = (np.unique(s @ [count, 1], return_counts=True) for s in (sides, sides[:, ::-1]))
+        return bool(np.array_equal(there[0], back[0]) and there[1].max() == 1)
+
+    @property
+    def extent(self) -> float:
+        """Diagonal of the box around the vertices [m]."""
+        return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
+
+    def moved(self, R: Any, r: Any) -> VisibleBody:
+        """Return the body turned by R (3, 3) and displaced by r (3,) [m], in its frame."""
+        return replace(self, vertices=self.vertices @ np.asarray(R, float).T + np.asarray(r, float))
+
+    def corners(self) -> Array:
+        """Return the corners (8, 3) of the box around the vertices [m]."""
+        low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
+        return np.array([[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]]
+                         for i in (0, 1) for j in (0, 1) for k in (0, 1)])  # fmt: skip
+
+
+def ball(rings: int = AROUND // 2, around: int = AROUND) -> tuple[Array, Array]:
+    """Return vertices and faces of the unit sphere."""
+    turns, polar = 2 * np.pi * np.arange(around) / around, np.pi * np.arange(1, rings) / rings
+    middle = [[np.sin(p) * np.cos(a), np.sin(p) * np.sin(a), np.cos(p)] for p in polar for a in turns]
+    vertices = np.array([[0.0, 0.0, 1.0], *middle, [0.0, 0.0, -1.0]])
+    last, faces = len(vertices) - 1, list[tuple[int, int, int]]()
+    for k in range(around):
+        n = (k + 1) % around
+        faces += [(0, 1 + k, 1 + n), (last, last - around + n, last - around + k)]
+        for row in range(rings - 2):
+            a, b = 1 + row * around + k, 1 + row * around + n
+            faces += [(a, a + around, b), (b, a + around, b + around)]
+    return vertices, np.array(faces)
+
+
+def ellipsoid(
+    covariance: Any, centre: Any, *, scale: float = 1.0, name: str = "", colour: str = COLOURS[0]
+) -> VisibleBody:  # fmt: skip
+    """Return the surface of equal probability of a position, e' C^-1 e = scale^2.
+
+    Args:
+        covariance: C (3, 3) [m2]; a matrix without full rank gives a flat body.
+        centre: (3,) [m], world coordinates.
+        scale: enlargement of the standard deviations; state it where the picture is shown.
+
+    Raises ArgumentError for a matrix that is no covariance.
+
+    >>> error = gt.view.ellipsoid(np.diag([1e-6, 4e-6, 0.0]), [0.0, 0.0, 1.0], scale=100.0)
+    >>> np.ptp(error.vertices, axis=0).round(3)
+    array([0.2, 0.4, 0. ])
+    """
+    C = np.array(covariance, float)
+    if C.shape != (3, 3) or not np.isfinite(C).all():
+        raise ArgumentError(f"expected a finite matrix of shape (3, 3); found shape {C.shape}", "covariance")
+    values, axes = np.linalg.eigh((C + C.T) / 2)
+    if values[0] < -1e-9 * max(values[-1], 0.0) or not np.allclose(C, C.T, rtol=1e-6, atol=1e-9 * np.abs(C).max()):
+        raise ArgumentError("expected a symmetric matrix without negative eigenvalues", "covariance")
+    axes = axes * (np.sign(np.linalg.det(axes)) or 1.0)
+    vertices, faces = ball()
+    radii = scale * np.sqrt(np.maximum(values, 0.0))
+    return VisibleBody((vertices * radii) @ axes.T + np.asarray(centre, float), faces, (), "", name, colour, CLEAR)
+
+
+def dots(
+    positions: Any, *, marker: Marker = "disc", name: str = "", colour: str = COLOURS[0]
+) -> VisibleBody:  # fmt: skip
+    """Return marks at positions (n, 3) [m], world coordinates; of more than 20,000 every second, third ... is drawn,
+    and the name says so.
+
+    >>> gt.view.dots(np.zeros((50_000, 3)), name="reachable").name
+    'reachable (every 3rd of 50000)'
+    """
+    rows = np.asarray(positions, float).reshape(-1, 3)
+    every = -(-len(rows) // MOST_DOTS)
+    if every > 1:
+        ending = {2: "nd", 3: "rd"}.get(every, "th")
+        name = f"{name} (every {every}{ending} of {len(rows)})".strip()
+    return VisibleBody(rows[:: max(every, 1)], (), (), marker, name, colour)
+
+
+def groups(positions: Any, labels: Sequence[str]) -> list[VisibleBody]:
+    """Return marks at positions (n, 3) [m], one group for each label, the frequent ones first, by marker and colour.
+
+    >>> [g.name for g in gt.view.groups(np.zeros((3, 3)), ["reached", "not reached", "reached"])]
+    ['reached: 2', 'not reached: 1']
+    """
+    rows, words = np.asarray(positions, float).reshape(-1, 3), np.asarray(labels, object)
+    names = sorted(dict.fromkeys(words.tolist()), key=lambda n: -int(np.sum(words == n)))
+    return [
+        dots(rows[words == n], marker=MARKERS[k % len(MARKERS)], name=f"{n}: {int(np.sum(words == n))}",
+             colour=COLOURS[k % len(COLOURS)])
+        for k, n in enumerate(names)
+    ]  # fmt: skip
+
+
+def lines(starts: Any, ends: Any, *, name: str = "", colour: str = "#777777") -> VisibleBody:
+    """Return straight lines between rows of positions (n, 3) [m], world coordinates.
+
+    >>> len(gt.view.lines(np.zeros((2, 3)), np.ones((2, 3))).edges)
+    2
+    """
+    a, b = (np.asarray(x, float).reshape(-1, 3) for x in (starts, ends))
+    n = len(a)
+    return VisibleBody(np.vstack([a, b]), (), np.column_stack([np.arange(n), n + np.arange(n)]), "", name, colour)
+
+
+def frustum(
+    rays: Any, R: Any, centre: Any, depth: float, *, name: str = "", colour: str = COLOURS[1]
+) -> VisibleBody:  # fmt: skip
+    """Return what a camera sees, as the pyramid from its centre through the corners of its picture.
+
+    Args:
+        rays: (4, 3) directions to the corners in camera coordinates, with third component 1, in turn.
+        R: (3, 3), from camera to world coordinates. centre: (3,) [m]. depth: of the pyramid along the camera's axis
+            [m].
+
+    >>> corners = [[-0.4, -0.3, 1.0], [0.4, -0.3, 1.0], [0.4, 0.3, 1.0], [-0.4, 0.3, 1.0]]
+    >>> gt.view.frustum(corners, np.eye(3), [0.0, 0.0, 0.0], 2.0).vertices[1]
+    array([-0.8, -0.6,  2. ])
+    """
+    corners = depth * np.asarray(rays, float).reshape(4, 3)
+    edges = [(0, k) for k in range(1, 5)] + [(k, k % 4 + 1) for k in range(1, 5)]
+    body = VisibleBody(np.vstack([np.zeros(3), corners]), (), edges, "", name, colour)
+    return body.moved(R, centre)
