@@ -297,10 +297,11 @@ def view(
     ],
     out: Annotated[
         Path | None,
-        typer.Option("-o", "--out", metavar="FILE.html", help="Page to write, or .gif; NAME.html if left out."),
+        typer.Option("-o", "--out", metavar="FILE.html", help="Page, or .png, .gif or .mp4; NAME.html if left out."),
     ] = None,
+    at: Annotated[float | None, typer.Option("--at", metavar="SECONDS", help="Instant of a .png; the first.")] = None,
 ) -> None:
-    """Write a page with the robot in space: with its motion from a result, or with each drive moved to and fro.
+    """Write a page with a robot in space, each drive moved to and fro, or with the motion or the scene of a result.
 
     The page is one file that needs no network.
     """
@@ -309,7 +310,7 @@ def view(
     with answering(context, False, what):
         from gtmodel import _view
 
-        path = _view.write(what, out, Context(notice=lambda sentence: print(sentence, file=sys.stderr)))
+        path = _view.write(what, out, at, Context(notice=lambda sentence: print(sentence, file=sys.stderr)))
     print(f"wrote {path}")
 
 

@@ -28,7 +28,7 @@ from .report import robot_file, values as poses_table
 from .report.findings import CalibrationFindings, findings_of, length_noise
 from .report.result import CalibrationStudy
 from .report.robot_file import Origin
-from .report.values import KEPT, checks_of, pictures, values_of
+from .report.values import KEPT, checks_of, pictures, scenes, values_of
 from .variants import by_dh_numbers, on_cart_points, prepared, too_few, with_measured_orientation
 
 
@@ -205,6 +205,7 @@ def _study_of(findings: CalibrationFindings, robot: Model, fit: Fit, origin: Ori
         iterations=c.iterations,
         checks=checks_of(fit.accuracy, findings),
         figures=pictures(findings, title),
+        scenes=scenes(findings, robot, title),
         files=MadeFiles(files),
         machine_files=("parameters.toml", *urdf),
         **values,

@@ -3,7 +3,7 @@ plane of the arm."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ from ..kinematics import chain_of
 from ..kinematics.section import SectionPlane
 from ..lang import Model
 from ..results import ArgumentError, Status
+from ..view.space import RobotScene
 from .options import ArmSprings, Load
 from .sprung_links import ComplianceAtPoses
 from .static_tests import StaticTests, at_tool
@@ -202,6 +203,10 @@ class SprungArm:
             "the tool keeps the orientation of arm.pose_deg, and the arm keeps its branch",
             *(endless if self.limits is None else []),
         ]
+
+    def scenes(self, title: str) -> dict[str, Callable[[], RobotScene]]:
+        """No views: an arm's springs are in its joints, without the masses of its links."""
+        return {}
 
     def __call__(self, T: Array) -> ComplianceAtPoses:
         T = np.atleast_2d(np.asarray(T, float))

@@ -161,6 +161,7 @@ def _study_of(
         work=work,
         map={"points": int(valid.sum()), **extremes},
         reasons=reasons,
+        scenes=sprung.scenes(title or "compliance"),
         figures=_figures(sprung, grid, columns, mapped, values_at_pose["shares"], work, title or "compliance"),
         files={"map.csv": csv_text({n: c[valid] for n, c in (places | mapped).items()})} if valid.any() else {},
     )

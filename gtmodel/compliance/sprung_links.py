@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,10 +14,13 @@ from ..kinematics.section import UP, SectionPlane, section_of
 from ..kinematics.workspace import BallJointCones
 from ..lang import Model, ModelError
 from ..results import ArgumentError, Status
+from ..view.bodies import COLOURS, lines
+from ..view.space import RobotScene, VisiblePart
 from .link_structure import LinkGeometry, LinkPoses, LinkSprings, LinkStructure, tube
 from .options import ComplianceMap, Load, Springs
 
 Array = np.ndarray
+MODE_SIZE = 0.06  # largest motion of a mode in its scene, in sizes of the robot
 GRAVITY = (0.0, 0.0, -9.81)
 
 
@@ -84,22 +88,47 @@ class LinkMasses:
         K x = w^2 M x for plate, carts and rotary axes; rigid supports do not move. Raises ValueError for rigid links,
         and for a compliant coordinate without mass.
         """
+        moving, good, _, whole = self._normal_form(s)
+        frequencies = np.full((len(good), min(count, int(moving.sum()))), np.nan)
+        if good.any():
+            frequencies[good] = _hertz(np.linalg.eigvalsh(whole))[:, : frequencies.shape[1]]
+        return frequencies
+
+    def shapes(self, s: LinkStructure, count: int = 3) -> tuple[Array, Array]:
+        """Return the lowest natural frequencies (count,) [Hz] of the first pose, and the motions (count, d + s) that
+        belong to them, in the coordinates of the structure, of any length. Raises ValueError as `frequencies` does.
+
+        >>> robot = gt.robots.gantry_tau("l1_tape")
+        >>> springs = gt.compliance.LinkSprings(link=5e-8, drive=1e-7)
+        >>> s = gt.compliance.LinkStructure(gt.compliance.LinkGeometry(robot)(robot.home), springs)
+        >>> f, x = gt.compliance.LinkMasses.of(robot).shapes(s, 1)
+        >>> K, M = s.stiffness()[0], gt.compliance.LinkMasses.of(robot).matrix(s)[0]
+        >>> moves = np.isfinite(np.diag(K))
+        >>> K, M, x = K[moves][:, moves], M[moves][:, moves], x[0, moves]
+        >>> bool(np.isclose(x @ K @ x / (x @ M @ x), (2 * np.pi * f[0]) ** 2))
+        True
+        """
+        moving, good, L, whole = self._normal_form(s)
+        if not (len(good) and good[0]):
+            return np.zeros(0), np.zeros((0, len(moving)))
+        values, vectors = np.linalg.eigh(whole[0])
+        motions = np.zeros((min(count, len(values)), len(moving)))
+        motions[:, moving] = np.linalg.solve(L[0].T, vectors)[:, : len(motions)].T
+        return _hertz(values)[: len(motions)], motions
+
+    def _normal_form(self, s: LinkStructure) -> tuple[Array, Array, Array, Array]:
+        """Which coordinates move, which poses have a result, and of these M = L L' and L^-1 K L^-T."""
         K, M = s.stiffness(), self.matrix(s)
         moving = np.concatenate([np.full(s.degrees_of_freedom, True), s.total[s.degrees_of_freedom :] > 0])
         K, M = K[:, moving][:, :, moving], M[:, moving][:, :, moving]
-        frequencies = np.full((len(K), min(count, K.shape[1])), np.nan)
         good = np.isfinite(K).all(axis=(1, 2))
-        if not good.any():
-            return frequencies
         try:
             L = np.linalg.cholesky(M[good])
         except np.linalg.LinAlgError as error:
             raise ValueError("a compliant part has no mass; give masses of plate, carts and rotary axes") from error
         half = np.linalg.solve(L, K[good])
         whole = np.linalg.solve(L, np.swapaxes(half, 1, 2))
-        values = np.linalg.eigvalsh((whole + np.swapaxes(whole, 1, 2)) / 2)
-        frequencies[good] = np.sqrt(np.maximum(values, 0.0))[:, : frequencies.shape[1]] / (2 * np.pi)
-        return frequencies
+        return moving, good, L, (whole + np.swapaxes(whole, 1, 2)) / 2
 
     def _motions(self, s: LinkStructure) -> tuple[Array, Array, Array]:
         """Motion per coordinate of the plate's centre of mass (n, 3, .), links (n, m, 3, .) and carts (n, k, 3, .)."""
@@ -118,6 +147,10 @@ class LinkMasses:
         for i in range(p.carts):
             carts[:, i, :, d + 3 * i : d + 3 * i + 3] = np.swapaxes(s.frames[:, i], 1, 2)
         return plate, mid, carts
+
+
+def _hertz(eigenvalues: Array) -> Array:
+    return np.sqrt(np.maximum(eigenvalues, 0.0)) / (2 * np.pi)
 
 
 VERTICAL = 0.9  # beyond this vertical component of a guideway, sections are drawn with y upwards
@@ -147,7 +180,8 @@ class Sprung(Protocol):
     """A robot with springs.
 
     home (3,) [m]; section: the mapped plane; marks: intersections of guideways with it; window: its lower and upper
-    (u, v) [m]; assumptions: sentences. Called with tool centre points (n, 3) [m] it returns `ComplianceAtPoses`.
+    (u, v) [m]; assumptions: sentences; scenes: views in space by name, of a title. Called with tool centre points
+    (n, 3) [m] it returns `ComplianceAtPoses`.
     """
 
     @property
@@ -160,6 +194,7 @@ class Sprung(Protocol):
     def section(self) -> SectionPlane: ...
     @property
     def window(self) -> tuple[Array, Array]: ...
+    def scenes(self, title: str) -> dict[str, Callable[[], RobotScene]]: ...
     def __call__(self, T: Array) -> ComplianceAtPoses: ...
 
 
@@ -224,6 +259,17 @@ class SprungLinks:
         except ValueError as error:
             raise ArgumentError(str(error), "robot") from error
 
+    def scenes(self, title: str) -> dict[str, Callable[[], RobotScene]]:
+        """The lowest modes at home as scenes by name; none without masses."""
+        if self.masses is None:
+            return {}
+        s = self.structure(self.at_home)
+        frequencies, motions = self.masses.shapes(s, self.count)
+        return {
+            f"mode_{k + 1}": partial(_mode_in_space, s, x, f"{title}: mode {k + 1}, {f:.4g} Hz")
+            for k, (f, x) in enumerate(zip(frequencies.tolist(), motions, strict=True))
+        }
+
     def __call__(self, T: Array) -> ComplianceAtPoses:
         poses = self.geometry(T)
         s = self.structure(poses)
@@ -244,6 +290,36 @@ class SprungLinks:
         ]
         shares = s.shares(load) if np.any(load) else None
         return ComplianceAtPoses(s.compliance(), s.deflection(load), reason, frequencies, sag, shares)
+
+
+def _mode_in_space(s: LinkStructure, motion: Array, title: str) -> RobotScene:
+    """A mode, slowed down to one vibration in two seconds and enlarged, over the robot at rest."""
+    p, d = s.poses, s.degrees_of_freedom
+    rest = {"tool centre point": p.T[0]}
+    moved = {"tool centre point": motion[:3]}
+    for k in range(p.a.shape[1]):
+        rest |= {f"cart joint {k + 1}": p.a[0, k], f"plate joint {k + 1}": p.b[0, k]}
+        moved |= {
+            f"cart joint {k + 1}": s.support[0, k] @ motion[d:],
+            f"plate joint {k + 1}": s.plate[0, k] @ motion[:d],
+        }
+    size = float(np.linalg.norm(np.ptp(np.array([*rest.values()]), axis=0)))
+    scale = MODE_SIZE * size / max(np.linalg.norm(x) for x in moved.values())
+    time = np.linspace(0.0, 2.0, 41)
+    swing = scale * np.sin(np.pi * time)
+    points = {name: rest[name] + np.outer(swing, moved[name]) for name in rest}
+    links = range(1, p.a.shape[1] + 1)
+    parts = [VisiblePart("bar", (f"cart joint {k}", f"plate joint {k}"), f"link {k}",
+                         COLOURS[p.stands_on[k - 1] % len(COLOURS)]) for k in links]  # fmt: skip
+    if p.R is not None:
+        parts += [VisiblePart("bar", ("tool centre point", f"plate joint {k}"), "plate") for k in links]
+    parts += [VisiblePart("joint", (name,), name) for name in points]
+    note = (
+        f"Enlarged and slowed down: the largest motion is drawn as {1e3 * MODE_SIZE * size:.0f} mm, a vibration takes "
+        "2 s; grey: at rest. The size of a mode is arbitrary."
+    )
+    still = lines(p.a[0], p.b[0], name="at rest")
+    return RobotScene(points, parts, time, title=title, note=note, bodies=[still])
 
 
 def _springs(springs_of: Springs, load: Load, home: LinkPoses) -> LinkSprings:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, Unpack
 
+from .. import view
 from ..compiler.toolchain import CompilerMissing
 from ..lang import ModelError, Optimization
 from ..results import ArgumentError, Check, Trajectory, Work
@@ -108,6 +109,7 @@ def optimization_study(
         where=None if solution.where is None else str(solution.where),
         free=dict(solution.free),
         figures={"states": partial(_figure, solution, work.title or solution.problem.flat.title)},
+        scenes={"motion": partial(view.scene, problem, solution.trajectory)} if view.points_of(problem) else {},
         **({} if run is None else _numbers(run)),
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 RUN = "run.toml"
 RESULT = "result.json"
+SCENE = ".scene.json"  # ending of the names of files with scenes, which gtmodel view shows
+MOTION = "motion"  # name of a scene that needs no such file
 
 
 def refuse_foreign(folder: Path) -> None:
@@ -96,7 +99,7 @@ def write(study: Study, folder: Path, *, plot: bool, report: bool, write_failed:
 
 def files_of(study: Study, data: bytes) -> dict[str, bytes]:
     """Return contents by file name: result.json, trajectory.csv if there is a trajectory (marked if it must not be
-    used), and the study's own files."""
+    used), the study's own files, and its scenes, without the motion."""
     files = {RESULT: data}
     if study.trajectory is not None and study.status.ok:
         files[TRAJECTORY] = csv_bytes(study.trajectory)
@@ -104,7 +107,19 @@ def files_of(study: Study, data: bytes) -> dict[str, bytes]:
         files[TRAJECTORY] = marked(TRAJECTORY, csv_bytes(study.trajectory), study.message, by="")
     for name, content in study.files.items():
         files[name] = content.encode() if isinstance(content, str) else content
+    for name, make in study.scenes.items():
+        if name != MOTION:  # which follows from the trajectory
+            files[f"{name}{SCENE}"] = _scene(make)
     return files
+
+
+def _scene(make: Callable[[], Any]) -> bytes:
+    """The data of a scene, or a sentence about why it cannot be drawn."""
+    try:
+        data = make().document()
+    except Exception as error:
+        data = {"fault": f"{type(error).__name__}: {' '.join(str(error).split())}"}
+    return json.dumps(data, ensure_ascii=False, separators=(",", ":")).encode()
 
 
 def for_machines(study: Study, asked: str, by: str = "write_failed=True") -> Study:

@@ -154,6 +154,8 @@ def _mechanism(
         tuple((n, MechanismLink(links.get(n, ""), k.line, n in free)) for n, k in urdf.links.items() if n != urdf.root),
         tuple((n, _described(urdf.joints[n], part, n in motors)) for n, part in joints.items()),
         q, tuple(cut), looped and redundant == "drop", smoothing, tuple(dict.fromkeys(urdf.notes)),
+        tuple((f"{links[n]}.frame" if n in links else "ground.frame", s) for n, k in urdf.links.items()
+              if n in links or n == urdf.root for s in k.visuals),
     )  # fmt: skip
     values: dict[str, Any] = {} if urdf.gravity is None else {"world": {"g": urdf.gravity[0]}}
     if q:

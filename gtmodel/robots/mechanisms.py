@@ -25,6 +25,7 @@ from ..mechanics import (
     Universal,
     World,
 )
+from ..view.solids import VisibleSolid
 from .serial.arm import JOINT_UNITS, VELOCITY_SCALE, Z, drive
 
 # joints without a motor: the component, and the joint's directions among its parameters
@@ -71,6 +72,7 @@ class MechanismGraph:
     drop: bool
     smoothing: str
     notes: tuple[str, ...]
+    visuals: tuple[tuple[str, VisibleSolid], ...] = ()  # by frame
 
 
 class JointedMechanism(gt.Model):
@@ -111,6 +113,11 @@ class JointedMechanism(gt.Model):
         if graph.cut or graph.drop:
             joints = dict(graph.joints)
             yield gt.loops([getattr(self, joints[name].part) for name in graph.cut], "drop" if graph.drop else "error")
+
+    @property
+    def visual(self) -> dict[str, list[VisibleSolid]]:
+        """What the links look like in a view, by frame; empty if the file says nothing."""
+        return {f: [s for name, s in self.graph.visuals if name == f] for f, _ in self.graph.visuals}
 
     def _efforts(self) -> Iterator[Any]:
         graph, joints = self.graph, dict(self.graph.joints)

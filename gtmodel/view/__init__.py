@@ -1,13 +1,15 @@
 """A robot in space, in one HTML file: its parts from its model, its motion over time, its forces beside it.
 
 scene         the scene of a robot and a motion
+around        bodies and the robot at rest
 RobotScene    points and frames over time, what joins and covers them, signals; as a page, picture or film
 VisiblePart   a bar, joint, cart, face, guideway, path or set of axes
 points_of     names of the points of a model
 
 VisibleBody   vertices with triangles, lines or marks, fixed to a frame
 dots, groups  marks at positions, all alike or one group for each label
-lines, frustum, ellipsoid   lines of sight, what a camera sees, error of a position
+lines, frustum lines of sight, what a camera sees
+ellipsoid, ellipsoids, error_lines   uncertainty and errors of positions
 
 Box, Cylinder, Sphere, Capsule, MeshFile   what a part looks like, for `visual` of its class
 """
@@ -21,11 +23,13 @@ if TYPE_CHECKING:
         VisibleBody as VisibleBody,
         dots as dots,
         ellipsoid as ellipsoid,
+        ellipsoids as ellipsoids,
+        error_lines as error_lines,
         frustum as frustum,
         groups as groups,
         lines as lines,
     )
-    from .robot import points_of as points_of, scene as scene
+    from .robot import around as around, points_of as points_of, scene as scene
     from .solids import (
         Box as Box,
         Capsule as Capsule,

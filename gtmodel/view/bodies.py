@@ -18,6 +18,7 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 SOLID, CLEAR = "#b9c3cc", 0.4  # colour of a surface that has none, and opacity of an ellipsoid
 AROUND = 24  # corners of a circle
 MOST_DOTS = 20_000  # of one group
+MOST_ELLIPSOIDS, SHARE = 60, 0.06  # drawn, and half length of the largest one in sizes of the positions' volume
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +80,10 @@ class VisibleBody:
         """Return the body turned by R (3, 3) and displaced by r (3,) [m], in its frame."""
         return replace(self, vertices=self.vertices @ np.asarray(R, float).T + np.asarray(r, float))
 
+    def with_(self, **changes: Any) -> VisibleBody:
+        """Return a copy with other attributes."""
+        return replace(self, **changes)
+
     def corners(self) -> Array:
         """Return the corners (8, 3) of the box around the vertices [m]."""
         low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
@@ -124,9 +129,58 @@ def ellipsoid(
     if values[0] < -1e-9 * max(values[-1], 0.0) or not np.allclose(C, C.T, rtol=1e-6, atol=1e-9 * np.abs(C).max()):
         raise ArgumentError("expected a symmetric matrix without negative eigenvalues", "covariance")
     axes = axes * (np.sign(np.linalg.det(axes)) or 1.0)
-    vertices, faces = ball()
+    vertices, faces = ball(8, 14)
     radii = scale * np.sqrt(np.maximum(values, 0.0))
     return VisibleBody((vertices * radii) @ axes.T + np.asarray(centre, float), faces, (), "", name, colour, CLEAR)
+
+
+def ellipsoids(positions: Any, covariances: Any, *, name: str = "error") -> tuple[list[VisibleBody], str]:
+    """Return the ellipsoids of one standard deviation of positions, all enlarged so that the largest can be seen, and a
+    sentence that states by how much; of more than 60 positions a part is drawn.
+
+    Args:
+        positions: (n, 3) [m]. covariances: (n, 3, 3) [m2].
+
+    >>> _, note = gt.view.ellipsoids([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], np.tile(1e-6 * np.eye(3), (2, 1, 1)))
+    >>> note
+    'Ellipsoids: one standard deviation of each position, enlarged 60 times.'
+    """
+    T, C = np.asarray(positions, float).reshape(-1, 3), np.asarray(covariances, float).reshape(-1, 3, 3)
+    known = np.flatnonzero(np.isfinite(T).all(axis=1) & np.isfinite(C).all(axis=(1, 2)))
+    if not len(known):
+        return [], ""
+    factor = _factor(T[known], float(np.sqrt(np.linalg.eigvalsh(C[known])[:, -1].max())))
+    every = -(-len(known) // MOST_ELLIPSOIDS)
+    part = f", {-(-len(known) // every)} of {len(known)} positions" if every > 1 else ""
+    times = f"enlarged {factor:.10g} times"
+    note = f"Ellipsoids: one standard deviation of each position, {times}{part}."
+    return [ellipsoid(C[k], T[k], scale=factor, name=name) for k in known[::every]], note
+
+
+def error_lines(positions: Any, errors: Any, *, colour: str = COLOURS[1]) -> tuple[list[VisibleBody], str]:
+    """Return a line from each position along its error, all enlarged so that the longest can be seen, and a sentence
+    that states by how much.
+
+    Args:
+        positions: (n, 3) [m]. errors: (n, 3) [m].
+
+    >>> gt.view.error_lines([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [[0.0, 0.0, 1e-3], [0.0, 2e-3, 0.0]])[1]
+    'Lines: errors of the positions, enlarged 30 times.'
+    """
+    T, e = np.asarray(positions, float).reshape(-1, 3), np.asarray(errors, float).reshape(-1, 3)
+    known = np.isfinite(T).all(axis=1) & np.isfinite(e).all(axis=1)
+    if not known.any():
+        return [], ""
+    factor = _factor(T[known], float(np.linalg.norm(e[known], axis=1).max()))
+    body = lines(T[known], T[known] + factor * e[known], name="error", colour=colour)
+    return [body], f"Lines: errors of the positions, enlarged {factor:.10g} times."
+
+
+def _factor(positions: Array, largest: float) -> float:
+    """Enlargement, with one digit, by which the largest error gets a share of the volume of the positions."""
+    factor = SHARE * (float(np.linalg.norm(np.ptp(positions, axis=0))) or 1.0) / max(largest, 1e-15)
+    digit = 10.0 ** np.floor(np.log10(factor))
+    return float(np.floor(factor / digit * (1 + 1e-12)) * digit)
 
 
 def dots(

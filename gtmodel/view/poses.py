@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,16 +20,16 @@ KNOWN = (("q",), ("T",), ("T", "e"), ("T", "R"))  # what may determine the pose
 _Start = tuple[dict[str, Any], list[str | None], CausalFunction]
 
 
-def poses_of(robot: Model, targets: Sequence[str], motion: Trajectory | None) -> tuple[Array, list[Array], Any]:
+def poses_of(
+    robot: Model, targets: Sequence[str], motion: Trajectory | None, still: bool
+) -> tuple[Array, list[Array], Any]:
     """Times (n,), the targets (n, ...), and the signals at these times."""
     if motion is None:
         time, values = _to_and_fro(robot, targets)
-        return time, values, None
+        return (time[:1], [v[:1] for v in values], None) if still else (time, values, None)
     rows = np.unique(np.linspace(0, len(motion.time) - 1, min(FRAMES, len(motion.time))).round().astype(int))
-    for known in KNOWN:
-        if not set(known) <= set(motion.names) or (function := _compiled(robot, known, targets)) is None:
-            continue
-        *values, status = function(*(np.asarray(motion[name])[rows] for name in known))
+    for function in _functions(robot, targets, motion.names):
+        *values, status = function(*(np.asarray(motion[signal.name])[rows] for signal in function.inputs))
         if np.all(np.asarray(status) == Status.OK):
             signals = {name: np.asarray(motion[name])[rows] for name in motion.names}
             units = {name: motion.units[name] for name in motion.names if name in motion.units}
@@ -38,6 +38,21 @@ def poses_of(robot: Model, targets: Sequence[str], motion: Trajectory | None) ->
         "the motion does not determine the poses of the robot; it needs q, or T, within the robot's reach; it has "
         f"{', '.join(motion.names)}", "motion",
     )  # fmt: skip
+
+
+def _functions(robot: Model, targets: Sequence[str], names: Sequence[str]) -> Iterator[CausalFunction]:
+    """Functions from variables with these names to the targets: of q or T of the robot or of a part of it, then of all
+    free coordinates."""
+    parts = dict.fromkeys(["", *(n[:-1] for n in names if n.endswith((".q", ".T")))])
+    for known in ([f"{part}{n}" for n in known] for part in parts for known in KNOWN):
+        if set(known) <= set(names) and (function := _compiled(robot, known, targets)) is not None:
+            yield function
+    try:
+        free = compile_causal(robot, targets=list(targets))
+    except ModelError:
+        return
+    if {signal.name for signal in free.inputs} <= set(names):
+        yield free
 
 
 def _compiled(robot: Model, known: Sequence[str], targets: Sequence[str]) -> CausalFunction | None:

@@ -12,10 +12,10 @@ import numpy as np
 
 from .._near import meant
 from ..compiler.causal import flat_of
-from ..lang import Model
+from ..lang import Model, ModelError
 from ..lang.declare import Declaration, Parameter
 from ..results import ArgumentError, Trajectory
-from .bodies import COLOURS
+from .bodies import COLOURS, VisibleBody
 from .poses import poses_of, size_of
 from .solids import Visual, solids_of
 from .space import RobotScene, VisiblePart
@@ -31,12 +31,12 @@ WORLD = "world"  # frame of what stands still
 
 def scene(
     robot: Model, motion: Trajectory | None = None, *, limits: Mapping[str, tuple[float, float]] | None = None,
-    title: str = "", visual: Visual | None = None,
+    title: str = "", visual: Visual | None = None, still: bool = False,
 ) -> RobotScene:  # fmt: skip
     """Return the scene of a robot: rods, links, joints, carts, guideways and plate, from the components of its model.
 
-    A component looks like the solids in `visual` of its class, if there is one: a dictionary from frames or points of the
-    component to solids of gt.view, or a property that returns one.
+    A component looks like the solids in `visual` of its class, if there is one: a dictionary from its frames or points
+    to solids of gt.view, or a property that returns one.
 
     Args:
         robot: any model whose components have points in space.
@@ -46,6 +46,7 @@ def scene(
         limits: (low, high) of signals by name, drawn with them.
         title: of the page.
         visual: more solids by frame of the robot or in "world": {"plate.frame": gt.view.Box((0.3, 0.3, 0.02))}.
+        still: only the home pose or the start values, without a motion.
 
     Raises ArgumentError for a model without points in space, for a motion that does not determine its poses, for a
     `visual` with an unknown frame, and for a solid 30 times larger than the robot, which is in another unit.
@@ -85,7 +86,7 @@ def scene(
     carried = _carried(flat, solids, type(robot).__name__)
     turns = [n for n in ("R", "end.R", "plate.frame.R") if flat.groups.get(n, ((), []))[0] == (3, 3)][:1]
     rotations = [f"{n}.R" for n in carried if f"{n}.R" in flat.groups]
-    time, values, shown = poses_of(robot, [*names, *turns, *rotations], motion)
+    time, values, shown = poses_of(robot, [*names, *turns, *rotations], motion, still)
     points = {n.removesuffix(".r"): v for n, v in zip(names, values, strict=False)}
     orientations = dict(zip(rotations, values[len(names) + len(turns) :], strict=True))
     values = values[: len(names) + len(turns)]
@@ -115,6 +116,21 @@ def scene(
     named = motion.title if motion is not None else ""
     name = title or named or type(robot).__name__
     return RobotScene(still, parts, time, shown, limits or {}, name, frames=frames, bodies=bodies)
+
+
+def around(robot: Model | None, bodies: Sequence[VisibleBody], *, title: str = "", note: str = "") -> RobotScene:
+    """Return a scene of bodies and the robot in its home pose; without a robot that has no home or no points in space.
+
+    >>> marks = gt.view.dots([[0.5, -0.9, 0.3]], name="goal")
+    >>> gt.view.around(gt.robots.gantry_tau("l1_tape"), [marks]).bodies[0].name
+    'goal'
+    """
+    empty = RobotScene({}, [])
+    try:
+        drawn = scene(robot, still=True) if robot is not None else empty
+    except (ArgumentError, ModelError):
+        drawn = empty
+    return drawn.with_(bodies=[*drawn.bodies, *bodies], title=title, note=note)
 
 
 def points_of(robot: Model) -> list[str]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from html import escape
 from pathlib import Path
 from typing import Any, Literal
@@ -140,6 +140,32 @@ class RobotScene:
             rows = np.asarray(signals[name], float).reshape(len(signals.time), -1).T
             values = [[float(f"{x:.{SIGNIFICANT}g}") for x in row] for row in rows]
             yield {"name": name, "unit": units[name], "values": values, "limits": self.limits.get(name)}
+
+    @classmethod
+    def of(cls, document: Mapping[str, Any]) -> RobotScene:
+        """Return the scene of a `document`. Raises ArgumentError for anything else."""
+        try:
+            names, frames = list(document["points"]), list(document["frames"])
+            rows = document["signals"]
+            values = {s["name"]: np.array(s["values"]).T.squeeze() for s in rows}
+            units = {s["name"]: s["unit"] for s in rows}
+            return cls(
+                document["points"],
+                [VisiblePart(shape, tuple(names[k] for k in of), name, colour)
+                 for shape, of, name, colour in document["parts"]],
+                document["time"], Trajectory(document["time"], values, units) if rows else None,
+                {s["name"]: s["limits"] for s in rows if s["limits"]}, document["title"], document["unit"],
+                document["note"],
+                {name: np.reshape(v, (*np.shape(v)[:-1], 3, 4)) for name, v in document["frames"].items()},
+                [VisibleBody(vertices, faces, edges, marker, name, colour, opacity, frame="" if at < 0 else frames[at])
+                 for at, name, colour, opacity, marker, _, vertices, faces, edges in document["bodies"]],
+            )  # fmt: skip
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            raise ArgumentError("this is no scene that gtmodel wrote", "document") from error
+
+    def with_(self, **changes: Any) -> RobotScene:
+        """Return a copy with other attributes."""
+        return replace(self, **changes)
 
     def html(self) -> str:
         """Return the page; the same scene gives the same text."""

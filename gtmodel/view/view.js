@@ -302,6 +302,6 @@ const KEYS = {
 };
 canvas.addEventListener("keydown", (e) => { if (KEYS[e.key]) { e.preventDefault(); KEYS[e.key](); } });
 if (last_frame > 0 && location.hash) frame = frameAt(Number(location.hash.slice(1)) || 0); // file.html#0.5 begins there
-new ResizeObserver(draw).observe(canvas);
+new ResizeObserver(() => requestAnimationFrame(draw)).observe(canvas);
 window.addEventListener("beforeprint", draw);
 draw();

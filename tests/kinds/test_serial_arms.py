@@ -46,7 +46,7 @@ def test_a_urdf_is_a_robot(context: Context) -> None:
     for x, y in zip(*(arm.causal(known="q", targets=["T", "R"])(q) for arm in (by_file, direct)), strict=True):
         np.testing.assert_array_equal(x, y)
     assert context.inputs["robot"].name == "serial.urdf"
-    assert context.notes[0].startswith("serial.urdf: not used: 1 visual shapes")
+    assert context.notes[0].startswith("serial.urdf: not used: 1 transmissions")
 
 
 def test_sdf_and_mjcf_are_robots_too(context: Context) -> None:

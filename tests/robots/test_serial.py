@@ -71,7 +71,7 @@ def test_written_again_it_is_the_same_arm(case, tmp_path) -> None:
 
 def test_what_was_left_out_is_said() -> None:
     serial = gt.robots.from_urdf(URDF / "serial.urdf")
-    assert serial.structure.notes == ("not used: 1 visual shapes, 1 transmissions, 1 Gazebo elements, 1 materials",)
+    assert serial.structure.notes == ("not used: 1 transmissions, 1 Gazebo elements",)
     telescope = gt.robots.from_urdf(URDF / "telescope.urdf", "tool_point")
     assert [n.partition(": ")[2].partition(" is ")[0] for n in telescope.structure.notes] == [
         "joint 'grip'", "joint 'grip_other'",

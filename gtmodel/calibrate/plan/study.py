@@ -10,6 +10,7 @@ from typing import Annotated, Any, Unpack
 
 import numpy as np
 
+from ... import view
 from ...kinematics.workspace import Beam, Bodies, Box
 from ...lang import Model
 from ...motion import reference
@@ -381,6 +382,19 @@ def _points(points: Sequence[Point]) -> list[dict[str, float]]:
     return [{"poses": p.poses, "predicted_error_m": p.rms, "greatest_m": p.greatest} for p in points]
 
 
+def _in_space(plan: PlanState, T: np.ndarray, purpose: Sequence[str]) -> view.RobotScene:
+    """The robot, the poses by purpose, the device, obstacles, and predicted errors over the room."""
+    task, info = plan.task, plan.chosen
+    bodies = [*view.groups(T[:, :3], [f"pose to {word}" for word in purpose])]
+    bodies += [obstacle.body() for obstacle in (*task.obstacles, *task.beams)]
+    place = getattr(task.device, "at", None)
+    bodies += [] if place is None else [view.dots([place], marker="square", name="device", colour="#000000")]
+    drawn, note = [], ""
+    if info is not None and not plan.unpredicted:
+        drawn, note = view.ellipsoids(plan.evaluation[:, :3], plan.target.errors(info).covariance)
+    return view.around(task.robot, [*bodies, *drawn], title=task.title, note=note)
+
+
 def _study_of(plan: PlanState) -> PlanStudy:
     checks, title = checks_of(plan), plan.task.title
     failed = failed_of(checks)
@@ -400,6 +414,7 @@ def _study_of(plan: PlanState) -> PlanStudy:
         purpose=purpose,
         actuators=q,
         figures=pictures(plan),
+        scenes={"poses": partial(_in_space, plan, T, purpose)},
         files={
             "poses.csv": poses_csv(T, q, purpose, title),
             "poses.mod": rapid_program(targets, q, title, plan.task.poses.settle),

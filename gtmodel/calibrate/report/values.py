@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ... import view
 from ...compiler.causal import flat_of
 from ...inference import Identifiability
 from ...inference.covariance import listed
 from ...inference.residuals import draw_residuals
+from ...lang import Model
 from ...results import Check, at_most
 from ...results.table import csv_text
 from ..prediction import Prediction
@@ -131,6 +134,24 @@ def pictures(findings: CalibrationFindings, title: str) -> Mapping[str, Callable
             after.names, after.correlation, f"{title}: correlation"
         )
     return figures
+
+
+def scenes(findings: CalibrationFindings, robot: Model, title: str) -> Mapping[str, Callable[[], view.RobotScene]]:
+    """The errors of the poses in space; none of planar robots, and of measurements that are judged by parts."""
+    name, data = findings.position, findings.data
+    if findings.beside or not data.whole or name not in findings.headline[0] or data.T.shape[1] != 3:
+        return {}
+    errors = np.full((len(data.lines), 3), np.nan)
+    for part, prediction in _parts(findings):
+        if name in prediction and prediction[name].errors.shape[1] == 3:
+            errors[part] = prediction[name].errors
+    return {"errors": partial(_errors_in_space, robot, data.T, errors, list(_words(findings)), title)}
+
+
+def _errors_in_space(robot: Model, T: np.ndarray, errors: np.ndarray, words: Sequence[str], title: str) -> Any:
+    drawn, note = view.error_lines(T, errors)
+    bodies = [*view.groups(T, [f"pose {word}" for word in words]), *drawn]
+    return view.around(robot, bodies, title=title, note=f"{note} The robot is drawn before calibration.".strip())
 
 
 def _residuals(residuals: np.ndarray, labels: Sequence[str], title: str) -> Figure:

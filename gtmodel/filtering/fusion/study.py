@@ -10,6 +10,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
+from ... import view
 from ...measurements.inspection.data_tests import Data, tested
 from ...results import SolveStatus, Work
 from ...results.suspicion import suspicion_checks
@@ -38,6 +39,7 @@ from .options import (
 )
 from .scene import OUTLYING, Scene, process_of, scene_of, sensors_of, slope_velocity, tracker_system
 
+SEGMENTS, ELLIPSOIDS = 400, 25  # of the path in space
 AROUND = 0.2  # s around the bend in the picture of the angular acceleration
 ITERATIONS = 3  # of the iterated filter
 PARTICLE_SEED = 1
@@ -125,6 +127,7 @@ def _answer(
         nis=None if c is None else c.nis, nis_band=() if c is None else tuple(c.band),
         nis_numbers=None if c is None else c.expected, verdict="" if c is None else c.message,
         trajectory=_trajectory(scene, filtered, synthetic), figures=_figures(scene, filtered, swept, sweep, title),
+        scenes={"path": partial(_in_space, scene, filtered, title)},
         counted_less={name: float(n.sum()) / len(filtered.run.time) for name, n in filtered.run.weighed.items()},
         printed=printed, printed_in=table, notes=notes,
         preferred_jerk_density=preferred, **filtered.errors, **swept,
@@ -433,6 +436,17 @@ def _figures(
     if sweep is not None and swept.get("sweep_values"):
         figures["sweep"] = partial(_sweep_figure, swept, title)
     return figures
+
+
+def _in_space(scene: Scene, f: _Fused, title: str) -> view.RobotScene:
+    """True and fused path, and the filter's uncertainty at some instants."""
+    true, fused, spread = scene.motion.p[: len(f.run.time)], f.run["p"], f.run.deviation["p"]
+    rows = np.unique(np.linspace(0, len(true) - 1, SEGMENTS + 1).round().astype(int))
+    marked = np.unique(np.linspace(0, len(true) - 1, ELLIPSOIDS).round().astype(int))
+    drawn, note = view.ellipsoids(fused[marked], spread[marked, :, None] ** 2 * np.eye(3))
+    way = view.lines(true[rows[:-1]], true[rows[1:]], name="true path", colour="#000000")
+    marks = view.dots(fused[marked], name="fused position")
+    return view.around(None, [way, marks, *drawn], title=title, note=f"{note} Line: true path; synthetic data.".strip())
 
 
 def _velocity_figure(scene: Scene, f: _Fused, title: str) -> Any:

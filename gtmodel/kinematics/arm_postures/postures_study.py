@@ -13,12 +13,13 @@ from typing import Annotated, Any, Unpack
 
 import numpy as np
 
+from ... import view
 from ...geometry.chains import Chain, ElbowAngle, LockedJoint, PostureJump, PosturePath, Postures, along_path, postures
 from ...geometry.chains.numerical import shortfall
 from ...lang import Model
 from ...lang.units import parse_unit
 from ...measurements.signal_table import read
-from ...results import ArgumentError, Row, SolveStatus, Status, Work, at_most
+from ...results import ArgumentError, Row, SolveStatus, Status, Trajectory, Work, at_most
 from ...results.disk import path_of
 from ...results.options import Within
 from ...results.refusal import naming
@@ -112,7 +113,8 @@ def postures_study(
         step = largest_step * np.where(chain.revolute, 1.0, chain.size)
         R = rows.R
         way = along_path(chain, solutions, rows.T, R, limits=limits, near=start, largest_step=step)
-    return _study_of(case, solutions, way, work)
+    study = _study_of(case, solutions, way, work)
+    return study.with_(scenes={"postures": partial(_in_space, robot, study)}) if study.each else study
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,6 +240,16 @@ def _study_of(case: _Case, solutions: Postures, way: PosturePath | None, work: W
     if study.status.ok or m == 1:
         study = study.with_(message=_message(case, study, without, words, q, excess, short))
     return study
+
+
+def _in_space(robot: Model, study: PosturesStudy) -> view.RobotScene:
+    """The arm in one posture after the other, with the number, and whether the limits allow them as a signal."""
+    q = np.array([row["q"] for row in study.each])
+    inside = np.array([float(row["within_limits"]) for row in study.each])
+    rows = Trajectory(np.arange(1.0, len(q) + 1), {"q": q, "within_limits": inside}, {"q": "rad", "within_limits": "1"})
+    names = "; ".join(f"{k}: {row['name']}" for k, row in enumerate(study.each, 1))
+    drawn = view.scene(robot, rows, title=study.title or "postures")
+    return drawn.with_(unit="posture", note=f"Postures by number, {names}.")
 
 
 def _stopped(case: _Case, work: Work) -> PosturesStudy:

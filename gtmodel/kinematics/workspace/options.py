@@ -7,12 +7,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
+import numpy as np
+
+from ... import view
+from ...geometry.rotations import shortest_rotation
 from ...results import Quantity, Row, Study
 from ...results.options import Long, Options, Unit, Within
+from ...view.bodies import VisibleBody
 
 Pair = Annotated[list[float], Long(2)]
 Point = Annotated[list[float], Long(3)]
 DEGREE = math.pi / 180
+THIN = 1e-3  # m: least size of an obstacle in space
 MOST_SECTIONS = 200  # of one volume; a whole grid is mapped for each section
 
 
@@ -75,6 +81,15 @@ class Box(Options):
     low: Annotated[list[float], Unit("m"), Long(3), "lower corner"]
     high: Annotated[list[float], Unit("m"), Long(3), "upper corner"]
 
+    def body(self) -> VisibleBody:
+        """Return the box for a scene in space."""
+        low, high = np.array(self.low), np.array(self.high)
+        sides = np.maximum(high - low, THIN).tolist()
+        name = self.name or "obstacle"
+        return (
+            view.Box((sides[0], sides[1], sides[2]), xyz=tuple((low + high) / 2)).body().with_(name=name, opacity=0.3)
+        )
+
 
 @dataclass(frozen=True)
 class Beam(Options):
@@ -89,6 +104,14 @@ class Beam(Options):
     to: Annotated[list[float], Unit("m"), Long(3), "the other end"]
     radius: Annotated[float, Unit("m"), Within(least=0.0), "radius"] = 0.0
     skip_links: Annotated[list[int], "numbers of links (from 1) that may touch it"] = field(default_factory=list)
+
+    def body(self) -> VisibleBody:
+        """Return the beam for a scene in space."""
+        along = np.array(self.to) - self.from_
+        length = float(np.linalg.norm(along))
+        turned = shortest_rotation(np.array([0.0, 0.0, 1.0]), along / length) if length else np.eye(3)
+        solid = view.Cylinder(max(self.radius, THIN), max(length, THIN)).body()
+        return solid.moved(turned, (np.array(self.to) + self.from_) / 2).with_(name="beam")
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Unpack
 
 import numpy as np
 
+from ... import view
 from ...lang import Model
 from ...results import ArgumentError, Check, SolveStatus, Work, at_most
 from ...results.options import Long, Within
@@ -28,6 +29,7 @@ CONVERGENCE = 0.01
 FINER = "use a smaller step of the section"
 # relative difference of the area from cells and from boundary loops: rounding
 POLYGONS = 1e-9
+SHOWN = 2500  # points of the section in space
 FEW = 10  # points across the section; with so few, a reachable area between the points may be missed
 
 
@@ -89,7 +91,7 @@ def workspace_study(
             status=SolveStatus.INTERRUPTED, title=work.title, cones=_cones(cones),
             **({} if bare is None else _sizes(bare, "kinematic_")),
         )  # fmt: skip
-    return _study_of(work.title, task, limits, points, main, bare, cones, coarse, volume, solid)
+    return _study_of(work.title, task, limits, points, main, bare, cones, coarse, volume, solid, [*obstacles, *beams])
 
 
 def _refuse_range(volume: Sections) -> None:
@@ -154,6 +156,7 @@ def _study_of(
     coarse: SectionMap,
     volume: Sections | None,
     solid: Volume | None,
+    obstacles: Sequence[Box | Beam],
 ) -> WorkspaceStudy:
     robot, reach, region = task.robot, task.reach, main.region
     rectangle = float(np.prod(np.ptp(main.section.pierced(robot.anchors, robot.directions), axis=0)))
@@ -179,6 +182,7 @@ def _study_of(
         ],
         on_edge=region.on_edge,
         assumptions=list(dict.fromkeys([*reach.assumptions, *cone_assumptions])),
+        scenes={"workspace": partial(_in_space, title, task, main, obstacles)},
         figures={
             "section": partial(_section_figure, title, task, main, bare, cones),
             "robot": lambda: home_figure(robot, [main.section.points(p) for p in region.loops], title),
@@ -258,6 +262,27 @@ def _boundary(main: SectionMap) -> str:
     uv = np.vstack(loops)
     columns = np.column_stack([numbers, uv, main.section.points(uv)]).T
     return csv_text(dict(zip(("loop", "u_m", "v_m", "x_m", "y_m", "z_m"), columns, strict=True)), digits=9)
+
+
+def _in_space(
+    title: str, task: WorkspaceTask, main: SectionMap, obstacles: Sequence[Box | Beam]
+) -> view.RobotScene:  # fmt: skip
+    """The robot at home, with obstacles, the points of the section by reason and the boundary of the reachable ones."""
+    every = max(1, int(np.ceil(np.sqrt(main.codes.size / SHOWN))))
+    u, v = np.meshgrid(main.u[::every], main.v[::every], indexing="ij")
+    T = main.section.points(np.column_stack([u.ravel(), v.ravel()]))
+    codes = main.codes[::every, ::every].ravel().tolist()
+    words = {code: "reachable" if code == REACHABLE else task.reach.message(code) for code in set(codes)}
+    bodies = view.groups(T, [words[code] for code in codes])
+    for loop in map(main.section.points, main.region.loops):
+        bodies.append(view.lines(loop, np.roll(loop, -1, axis=0), name="boundary", colour="#000000"))
+    bodies += [obstacle.body() for obstacle in obstacles]
+    note = (
+        f"Every {every}th point of the grid in both directions."
+        if every > 3
+        else (f"Every {'second' if every == 2 else 'third'} point of the grid in both directions." if every > 1 else "")
+    )
+    return view.around(task.robot.model, bodies, title=title, note=note)
 
 
 def _section_figure(

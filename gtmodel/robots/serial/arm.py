@@ -28,6 +28,7 @@ from ...mechanics import (
     TanhFriction,
     TorqueMotor,
 )
+from ...view.solids import VisibleSolid
 from .structure import ArmStructure, JointKind, Style
 
 Z = np.array([0.0, 0.0, 1.0])
@@ -95,6 +96,14 @@ class SerialArm(gt.Model):
         """Largest efforts tau (n,) [N.m, N], infinite for joints without a limit. No kind or solver applies them:
         write them as constraints of an Optimization."""
         return self.structure.effort_limits()
+
+    @property
+    def visual(self) -> dict[str, list[VisibleSolid]]:
+        """What the links look like in a view, by the frame of the base or of the link; empty if no file says it."""
+        solids: dict[str, list[VisibleSolid]] = {}
+        for body, solid in self.structure.visuals:
+            solids.setdefault(f"link_{body}.after" if body else "base.b", []).append(solid)
+        return solids
 
     def joint_unit(self, entry: str) -> str:
         """Return the unit of an entry such as "q[2]", "tau[2]" or "viscous[2]", "" for other names. The array itself

@@ -4,7 +4,7 @@ included."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from ...geometry.rotations import rotation_about, rotation_of_rpy
 from ...lang import ModelError
 from ...results.disk import path_of
 from ...results.read_bounds import XmlFault, walk_xml
+from ...view.solids import MeshFile, VisibleSolid
 
 Array = np.ndarray
 Pose = tuple[Array, Array]  # R (3, 3), r (3,)
@@ -34,8 +35,8 @@ def relative(frame: Pose, other: Pose) -> Pose:
 
 @dataclass(frozen=True)
 class UrdfLink:
-    """A link with mass [kg], first moments (3) [kg m] and inertia (6) [kg m2] in its frame, its line, and capsules
-    around its collision shapes. `between`: a frame between two joints, which is no link of the file."""
+    """A link with mass [kg], first moments (3) [kg m] and inertia (6) [kg m2] in its frame, its line, capsules around
+    its collision shapes, and its visual shapes. `between`: a frame between two joints, which is no link of the file."""
 
     name: str
     line: int
@@ -44,6 +45,7 @@ class UrdfLink:
     J: Array = field(default_factory=lambda: np.zeros(6))
     capsules: tuple[Segment, ...] = ()
     between: bool = False
+    visuals: tuple[VisibleSolid, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -194,17 +196,47 @@ def read_file(source: str | Path, kind: str, read: Callable[[str, XmlElement], U
     path_of(source, "source")
     text = str(source)
     if text.lstrip().startswith("<"):
-        file, content = f"{kind} text", text.encode()
+        file, content, folder = f"{kind} text", text.encode(), Path()
     else:
-        file = Path(source).name
+        file, folder = Path(source).name, Path(source).parent
         try:
             content = Path(source).read_bytes()
         except OSError as error:
             raise ModelError(f"{text} cannot be read: {error.strerror}") from None
     try:
-        return read(file, parsed(content))
+        return _with_meshes(read(file, parsed(content)), folder)
     except XmlFault as fault:
         raise ModelError(f"{file}, line {fault.line}: {fault.sentence}") from None
+
+
+def _with_meshes(urdf: Urdf, folder: Path) -> Urdf:
+    """Return the file with the paths of its meshes, searched from its folder upwards; notes say which are missing."""
+    links, missing = dict(urdf.links), list[str]()
+    for name, link in urdf.links.items():
+        kept = list[VisibleSolid]()
+        for solid in link.visuals:
+            path = _found(str(solid.path), folder) if isinstance(solid, MeshFile) else None
+            if isinstance(solid, MeshFile) and path is None:
+                missing.append(f"'{solid.path}' of link '{name}'")
+            else:
+                kept.append(replace(solid, path=str(path)) if isinstance(solid, MeshFile) else solid)
+        links[name] = replace(link, visuals=tuple(kept))
+    if missing:
+        more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+        urdf.notes.append(f"mesh files not found and not drawn: {', '.join(missing[:3])}{more}")
+    return replace(urdf, links=links)
+
+
+def _found(written: str, folder: Path) -> Path | None:
+    """Return the path of a mesh file, None if there is none. package://NAME/REST is NAME/REST or REST in the folder of
+    the file or in one around it."""
+    if not written.startswith(("package://", "model://")):
+        path = folder / written.removeprefix("file://")
+        return path if path.is_file() else None
+    rest = Path(written.partition("://")[2])
+    inner = Path(*rest.parts[1:])
+    near = (around / place for around in (folder, *folder.resolve().parents) for place in (rest, inner))
+    return next((path for path in near if path.is_file()), None)
 
 
 def inertia_of(entries: Sequence[float]) -> Array:

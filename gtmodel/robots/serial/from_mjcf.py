@@ -12,7 +12,9 @@ from numpy.typing import ArrayLike
 
 from ..._near import meant
 from ...geometry.rotations import rotation_about, rpy_of_rotation, shortest_rotation
+from ...results import ArgumentError
 from ...results.read_bounds import XmlFault
+from ...view.solids import MeshFile, VisibleSolid
 from .arm import SerialArm
 from .described import (
     IDENTITY,
@@ -34,6 +36,7 @@ from .from_urdf import arm_of
 from .mjcf_poses import TURNED, MjcfPoses
 from .solids import SIZES, SOLIDS
 from .structure import moved, six_of
+from .visuals import drawable, hex_of, mjcf_solid
 
 Array = np.ndarray
 DENSITY = 1000.0  # kg/m3, MuJoCo's default
@@ -132,6 +135,8 @@ class MjcfReader(MjcfPoses):
         self.classes: dict[str, _Class] = {"": _Class()}
         self.autolimits, self.from_geoms = True, "auto"
         self.placed = {"world": IDENTITY}  # bodies as drawn, in the world
+        self.meshes: dict[str, MeshFile] = {}
+        self.colours: dict[str, str] = {}
         self.sites: dict[str, tuple[str, Pose]] = {}  # body of each site, and pose in it
 
     def urdf(self) -> Urdf:
@@ -143,18 +148,21 @@ class MjcfReader(MjcfPoses):
             self.compiler(e)
         for e in root.all("default"):
             self.defaults(e, self.classes[""], "main")
+        self.assets(root)
         self.links["world"] = UrdfLink("world", root.line)
         worlds = root.all("worldbody")
         for world in worlds:
             around = world.attributes.get("childclass", "main")
             self.place(world, "world", around)
+            at_rest = self.links["world"].visuals + self.visuals(world, around)
+            self.links["world"] = replace(self.links["world"], visuals=at_rest)
             for body in world.all("body"):
                 self.body(body, "world", around)
         if not self.joints:
             raise XmlFault("no <body> of the file has a joint", worlds[0].line if worlds else root.line)
         for e in root.all("equality"):
             self.equality(e)
-        unused = [tag for tag in UNUSED if root.all(tag)]
+        unused = [tag for tag in UNUSED if root.all(tag) and tag != "asset"]  # meshes and materials are drawn
         if unused:
             self.notes.append(f"not used: {', '.join(unused)}")
         gravity = next(((vector(e, "gravity", [0.0, 0.0, -9.81]), e.line) for e in root.all("option")), None)
@@ -192,6 +200,23 @@ class MjcfReader(MjcfPoses):
         self.set(e)
         self.autolimits = e.attributes.get("autolimits", "true") == "true"
         self.from_geoms = e.attributes.get("inertiafromgeom", self.from_geoms)
+
+    def assets(self, root: XmlElement) -> None:
+        """Read colours of materials, and names of mesh files that can be drawn."""
+        folder = next((e.attributes[n] for e in root.all("compiler") for n in ("meshdir", "assetdir")
+                       if n in e.attributes), "")  # fmt: skip
+        for e in (inner for assets in root.all("asset") for inner in assets.inside):
+            e = self.filled(e, "main")
+            file = e.attributes.get("file", "")
+            name = e.attributes.get("name", Path(file).stem)
+            if e.tag == "material":
+                self.colours[name] = hex_of(e.attributes.get("rgba", ""))
+            elif e.tag == "mesh":
+                try:
+                    scale = vector(e, "scale", [1.0] * 3).tolist()
+                    self.meshes[name] = MeshFile(str(Path(folder, drawable(file))), tuple(scale))
+                except (XmlFault, ArgumentError):
+                    continue
 
     def defaults(self, e: XmlElement, outer: _Class, name: str) -> None:
         name = e.attributes.get("class", name)
@@ -238,9 +263,13 @@ class MjcfReader(MjcfPoses):
         if parent != name:
             offset = pose[1] - at if moving else pose[1]
             self.fixed(parent, name, (pose[0], offset), e.line)
-        self.links[name] = self.link(e, name, around)
+        self.links[name] = replace(self.link(e, name, around), visuals=self.visuals(e, around))
         for inner in e.all("body"):
             self.body(inner, name, around)
+
+    def visuals(self, e: XmlElement, around: str) -> tuple[VisibleSolid, ...]:
+        drawn = (mjcf_solid(self.filled(g, around), self.pose, self.meshes, self.colours) for g in e.all("geom"))
+        return tuple(solid for solid in drawn if solid is not None)
 
     def place(self, e: XmlElement, body: str, around: str) -> None:
         for site in (self.filled(s, around) for s in e.all("site")):

@@ -31,10 +31,11 @@ from .described import (
 )  # fmt: skip
 from .from_urdf import arm_of
 from .structure import moved, six_of
+from .visuals import sdf_solids
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "universal", "ball", "screw")
 UNUSED = (
-    "visual", "collision", "sensor", "plugin", "light", "gripper", "particle_emitter", "projector", "audio_source",
+    "collision", "sensor", "plugin", "light", "gripper", "particle_emitter", "projector", "audio_source",
 )  # fmt: skip
 ZERO = np.zeros(3)
 # elements of those whose misspelling would change the motion without a word
@@ -103,6 +104,7 @@ class SdfReader:
     def __init__(self, file: str, root: XmlElement) -> None:
         self.file, self.root = file, root
         self.notes: list[str] = []
+        self.undrawn = 0  # visual shapes that are not drawn
         self.frames: dict[str, XmlElement] = {}  # links, joints and frames by name
         self.gravity: tuple[np.ndarray, int] | None = None
         self.known = {"__model__": IDENTITY, "world": IDENTITY}
@@ -144,15 +146,18 @@ class SdfReader:
         for e in (g for w in root.all("world") for g in w.all("gravity")):
             self.gravity = _numbers(e, 3), e.line
         counts = {tag: sum(len(e.all(tag)) for e in [model, *model.all("link"), *model.all("joint")]) for tag in UNUSED}
+        counts = {"visual": self.undrawn, **counts}
         if unused := [f"{n} <{tag}>" for tag, n in counts.items() if n]:
             self.notes.append(f"not used: {', '.join(unused)}")
         name = model.attributes.get("name", "arm")
         return Urdf(name, self.file, base, links, joints, self.notes, gravity=self.gravity)
 
     def link(self, e: XmlElement) -> UrdfLink:
-        name, inertial = attribute(e, "name"), e.one("inertial")
+        name, inertial, drawn = attribute(e, "name"), e.one("inertial"), [*sdf_solids(e, _pose)]
+        self.undrawn += drawn.count(None)
+        visuals = tuple(s for s in drawn if s is not None)
         if inertial is None:  # the format's default
-            return UrdfLink(name, e.line, 1.0, ZERO, np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0]))
+            return UrdfLink(name, e.line, 1.0, ZERO, np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0]), visuals=visuals)
         if inertial.all("fluid_added_mass"):
             raise XmlFault(f"the added mass of link '{name}' is not read; remove it", inertial.line)
         m = _value(inertial, "mass", 1.0)
@@ -166,7 +171,7 @@ class SdfReader:
         if pose is not None and pose.attributes.get("relative_to"):
             raise XmlFault("the <pose> of <inertial> is relative to its link; remove relative_to", pose.line)
         R, r = _pose(pose)
-        return UrdfLink(name, e.line, m, *moved(R, r, m, ZERO, six_of(I)))
+        return UrdfLink(name, e.line, m, *moved(R, r, m, ZERO, six_of(I)), visuals=visuals)
 
     def placed(self, name: str, e: XmlElement, within: tuple[str, ...] = ()) -> Pose:
         """Return the pose of a link, joint or frame in the model. e: the element that names it, for messages."""

@@ -16,6 +16,7 @@ from .arm import FRICTION, SerialArm, arm_class
 from .described import IDENTITY, MOVING, Pose, Urdf, UrdfJoint, closing, composed
 from .structure import ArmJoint, ArmStructure, LinkShape, moved, started, with_payload
 from .urdf_file import read_urdf
+from .visuals import moved_solid
 
 Array = np.ndarray
 NEAR_GRAVITY = 0.02  # m/s2; files round 9.81
@@ -156,6 +157,8 @@ class _Chain:
         structure = ArmStructure(
             urdf.name, tuple(self.joints()), "rpy", urdf.root, self.tip, smoothing, tuple(dict.fromkeys(self.notes)),
             shapes=tuple(self.shapes()),
+            visuals=tuple((body, moved_solid(s, pose)) for name, body, pose in self.fixed_links()
+                          for s in self.urdf.links[name].visuals),
         )  # fmt: skip
         parameters = {
             "xyz": xyz, "rpy": rpy, "axis": np.array([j.axis for j in self.moving]), **values,
@@ -209,13 +212,18 @@ class _Chain:
 
     def shapes(self) -> Iterator[LinkShape]:
         """Yield the capsules of all links, in the frame of the base or of the moving link to which each is fixed."""
+        for name, body, (R, r) in self.fixed_links():
+            for begin, end, radius in self.urdf.links[name].capsules:
+                a, b = ((R @ p + r).tolist() for p in (begin, end))
+                yield LinkShape(name, body, (a[0], a[1], a[2]), (b[0], b[1], b[2]), radius)
+
+    def fixed_links(self) -> Iterator[tuple[str, int, Pose]]:
+        """Yield each link with the number of the body to which it is fixed, 0 for the base, and its pose in it."""
         bodies = {j.name: k + 1 for k, j in enumerate(self.moving)}
         waiting: list[tuple[str, int, Pose]] = [(self.urdf.root, 0, IDENTITY)]
         while waiting:
             name, body, (R, r) = waiting.pop(0)
-            for begin, end, radius in self.urdf.links[name].capsules:
-                a, b = ((R @ p + r).tolist() for p in (begin, end))
-                yield LinkShape(name, body, (a[0], a[1], a[2]), (b[0], b[1], b[2]), radius)
+            yield name, body, (R, r)
             for j in self.urdf.joints_on(name):
                 if j.name in bodies:
                     waiting.append((j.child, bodies[j.name], IDENTITY))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...lang import ModelError
+from ...view.solids import VisibleSolid
 
 JointKind = Literal["revolute", "prismatic"]
 Style = Literal["rpy", "standard", "modified"]
@@ -56,6 +57,7 @@ class ArmStructure:
     style: xyz and rpy ("rpy"), or standard or modified Denavit-Hartenberg parameters. smoothing: of friction. notes:
     sentences about elements of the source file that were not used. starts: joint coordinates at which inverse
     kinematics starts, the home pose first; empty for zero, or the nearest limit. shapes: capsules around the links.
+    visuals: what a view draws, each with the number of its body as in LinkShape, and in the same frame.
     """
 
     name: str
@@ -67,6 +69,7 @@ class ArmStructure:
     notes: tuple[str, ...] = ()
     starts: tuple[tuple[float, ...], ...] = ()
     shapes: tuple[LinkShape, ...] = ()
+    visuals: tuple[tuple[int, VisibleSolid], ...] = ()
 
     @property
     def leaders(self) -> list[int]:

@@ -30,6 +30,7 @@ from .described import (
     vector,
 )  # fmt: skip
 from .structure import moved, six_of
+from .visuals import colour_of, urdf_solids
 
 Array = np.ndarray
 KINDS = (*sorted(MOVING), "fixed")
@@ -88,6 +89,7 @@ class UrdfReader:
     def __init__(self, file: str, robot: XmlElement) -> None:
         self.file, self.robot = file, robot
         self.notes: list[str] = []
+        self.undrawn = 0  # visual shapes that are not drawn
 
     def urdf(self) -> Urdf:
         robot = self.robot
@@ -172,8 +174,12 @@ class UrdfReader:
     def link(self, e: XmlElement) -> UrdfLink:
         name = attribute(e, "name")
         inertial, capsules = e.one("inertial"), self.capsules(e)
+        materials = {m.attributes.get("name", ""): colour_of(m) for m in self.robot.all("material")}
+        drawn = [*urdf_solids(e, _origin, materials)]
+        self.undrawn += drawn.count(None)
+        visuals = tuple(s for s in drawn if s is not None)
         if inertial is None:
-            return UrdfLink(name, e.line, capsules=capsules)
+            return UrdfLink(name, e.line, capsules=capsules, visuals=visuals)
         mass, inertia = inertial.one("mass"), inertial.one("inertia")
         if mass is None or inertia is None:
             missing = "mass" if mass is None else "inertia"
@@ -188,7 +194,7 @@ class UrdfReader:
                               f"principal moments are {', '.join(f'{p:.3g}' for p in principal)} kg m2")  # fmt: skip
         xyz, rpy = _origin(inertial)
         mc, J = moved(rotation_of_rpy(rpy), xyz, m, np.zeros(3), six_of(I))
-        return UrdfLink(name, e.line, m, mc, J, capsules)
+        return UrdfLink(name, e.line, m, mc, J, capsules, visuals=visuals)
 
     def capsules(self, link: XmlElement) -> tuple[Segment, ...]:
         """Return capsules around the collision shapes of a link, without those of meshes."""
@@ -242,13 +248,14 @@ class UrdfReader:
         return UrdfJoint(name, kind, e.line, ends[0], ends[1], xyz, rpy, axis / (length or 1.0), **options)
 
     def count(self, robot: XmlElement) -> None:
-        counts = dict.fromkeys(LEFT_OUT, 0)
+        counts = dict.fromkeys(LEFT_OUT, 0) | {"visual": self.undrawn}
         others: dict[str, int] = {}
 
         def walk(e: XmlElement) -> None:
             for inner in e.inside:
                 if inner.tag in LEFT_OUT:
-                    counts[inner.tag] += inner.tag != "collision" or _shape(inner) is None
+                    used = {"visual": True, "material": bool(colour_of(inner)), "collision": _shape(inner) is not None}
+                    counts[inner.tag] += not used.get(inner.tag, False)
                 elif inner.tag not in ATTRIBUTES:
                     others.setdefault(inner.tag, inner.line)
                 else:

@@ -10,7 +10,9 @@ from typing import Annotated, Any, Unpack
 
 import numpy as np
 
+from ... import view
 from ...calibrate.measured.column_checks import aligned
+from ...geometry.quaternions import quaternion_matrix
 from ...lang.model import Model
 from ...results import Check, SolveStatus, Work, at_least, at_most
 from ...results.disk import MadeFiles
@@ -18,6 +20,7 @@ from ...results.options import Within
 from ...results.refusal import ArgumentError
 from ...results.suspicion import RUN_LEVEL, suspicion_checks
 from ...results.work import WorkOptions, study_function
+from ...view.bodies import COLOURS
 from ..detection.marks import corners_csv
 from ..residuals import LEAST, ROUNDING, PictureTest, gross_errors, picture_test, shifted_pictures
 from .joint import JointFit, held_out_pixels, joint_fit
@@ -164,12 +167,12 @@ def study(
     positions = joint.positions(q)
     errors = None if unseen.truth is None else aligned_errors(positions, unseen.truth)
     two = two_step_fit(robot, fitted, list(cameras), setting, stop=work.interrupted) if two_steps else None
-    return _study(joint, test, fitted, unseen, errors, two, setting, accuracy, title)
+    return _study(joint, test, fitted, unseen, errors, two, setting, accuracy, title, robot)
 
 
 def _study(
     joint: JointFit, test: PictureMap, fitted: RobotPictures, unseen: RobotPictures, errors: np.ndarray | None,
-    two: TwoStepFit | None, setting: RobotCameras, accuracy: float | None, title: str,
+    two: TwoStepFit | None, setting: RobotCameras, accuracy: float | None, title: str, robot: Model,
 ) -> RobotCamerasStudy:  # fmt: skip
     pixels = held_out_pixels(joint, unseen)
     least = min(test.quadratic.tolist())
@@ -186,6 +189,7 @@ def _study(
     predicted = predicted_positions(joint, unseen.actuators)
     mean = f"; mean error of held-out positions {1e3 * float(np.nanmean(errors)):.3g} mm" if errors is not None else ""
     p = joint.pictures
+    seen = partial(_in_space, robot, joint, predicted.positions, predicted.covariance, title)
     return RobotCamerasStudy(
         status=SolveStatus.SOLVED,
         message=f"{joint.fit.message}{mean}",
@@ -196,6 +200,7 @@ def _study(
         checks=checks,
         notes=[*_notes(joint, test, two, setting), *warnings, *_held_out_notes(joint, unseen, pixels)],
         figures=_figures(joint, predicted.positions, predicted.covariance, title),
+        scenes={"cameras": seen},
         machine_files=("parameters.csv",),
         files=MadeFiles({"parameters.csv": partial(_table, joint), "corners.csv": partial(_corners, p)}),
         unknowns=_unknowns(joint),
@@ -403,6 +408,32 @@ def _figures(
         "residuals": partial(_residuals, joint, title),
         "workspace": partial(_ellipsoids, positions, covariance, title),
     }
+
+
+def _in_space(
+    robot: Model, joint: JointFit, positions: np.ndarray, covariance: np.ndarray, title: str
+) -> view.RobotScene:  # fmt: skip
+    """Cameras with the part of their pictures that shows the target, fitted poses by the cameras that see them, and
+    predicted errors of held-out positions."""
+    p = joint.pictures
+    T = joint.positions(p.actuators)
+    sees = [np.unique(p.pose[p.camera == k]) for k in range(len(p.cameras))]
+    labels = [" and ".join(n for n, poses in zip(p.cameras, sees, strict=True) if k in poses) for k in range(len(T))]
+    shown = [k for k in range(len(T)) if labels[k] and np.isfinite(T[k]).all()]
+    bodies = view.groups(T[shown], [f"seen by {labels[k]}" for k in shown])
+    for k, name in enumerate(p.cameras):
+        c, uv = joint.camera_of(name), p.uv[p.camera == k]
+        (left, top), (right, bottom) = uv.min(axis=0), uv.max(axis=0)
+        corners = [(left, top), (right, top), (right, bottom), (left, bottom)]
+        rays = [((u - c["cx"]) / c["fx"], (v - c["cy"]) / c["fy"], 1.0) for u, v in corners]  # without distortion
+        R = quaternion_matrix(np.array([c[f"q{n}"] for n in "wxyz"]))
+        centre = np.array([c[n] for n in "xyz"])
+        depth = float(np.median((T[sees[k]] - centre) @ R[:, 2]))
+        bodies += [view.frustum(rays, R, centre, depth, name=name, colour=COLOURS[k % len(COLOURS)]),
+                   view.dots(centre[None], marker="square", name=f"camera {name}", colour="#000000")]  # fmt: skip
+    drawn, note = view.ellipsoids(positions, covariance)
+    note = f"{note} Pyramids: what the cameras see of the target. The robot is drawn before calibration."
+    return view.around(robot, [*bodies, *drawn], title=title, note=note.strip())
 
 
 def _residuals(joint: JointFit, title: str) -> Any:
