@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import casadi as ca
@@ -24,7 +24,8 @@ Array = np.ndarray
 GROUND = "#b0b0b0"  # of bars that never move
 SAME = 1e-9  # m: points closer than that at all times are one
 BEYOND, AXIS = 0.25, 0.08  # guideway beyond the travel of its cart, and length of axes, in sizes of the robot
-TOOLS = ("plate.frame", "end", "tool.frame")  # points whose path is drawn
+# points whose path is drawn, and their rotations, of the robot or of a part of it
+TOOLS, TURNS = ("plate.frame", "end", "tool.frame"), ("R", "end.R", "plate.frame.R")
 OVERSIZE = 30.0  # sizes of the robot; a solid larger than that is in another unit
 WORLD = "world"  # frame of what stands still
 
@@ -84,7 +85,7 @@ def scene(
     if not names:
         raise ArgumentError(f"{type(robot).__name__} has no components with points in space", "robot")
     carried = _carried(flat, solids, type(robot).__name__)
-    turns = [n for n in ("R", "end.R", "plate.frame.R") if flat.groups.get(n, ((), []))[0] == (3, 3)][:1]
+    turns = [n for n in _ending(flat.groups, TURNS) if flat.groups[n][0] == (3, 3)][:1]
     rotations = [f"{n}.R" for n in carried if f"{n}.R" in flat.groups]
     time, values, shown = poses_of(robot, [*names, *turns, *rotations], motion, still)
     points = {n.removesuffix(".r"): v for n, v in zip(names, values, strict=False)}
@@ -92,7 +93,7 @@ def scene(
     values = values[: len(names) + len(turns)]
     frames = {n: _frame(points[n], orientations.get(f"{n}.R")) for n in carried}
     bodies = [solid.body(frame if frame != WORLD else "") for frame, solid in solids]
-    tools = [n for n in TOOLS if n in points]
+    tools = _ending(points, TOOLS)
     points, one_of = _distinct(points)
     size = size_of(points)
     covered = {one_of[n] for n in carried}
@@ -116,6 +117,12 @@ def scene(
     named = motion.title if motion is not None else ""
     name = title or named or type(robot).__name__
     return RobotScene(still, parts, time, shown, limits or {}, name, frames=frames, bodies=bodies)
+
+
+def _ending(names: Iterable[str], wanted: Sequence[str]) -> list[str]:
+    """The wanted names, first those without a prefix, in the order wanted."""
+    known = sorted(names, key=lambda n: n.count("."))
+    return [n for short in wanted for n in known if n == short or n.endswith(f".{short}")]
 
 
 def around(robot: Model | None, bodies: Sequence[VisibleBody], *, title: str = "", note: str = "") -> RobotScene:

@@ -7,6 +7,7 @@ const LOOK = {
   bar: ["#4d4d4d", 0.008], joint: ["#222222", 0.010], cart: ["#555555", 0.022], face: ["#8db3d9", 0.002],
   guideway: ["#b0b0b0", 0.005], path: ["#d55e00", 0.002], axes: ["", 0.004],
 };
+const MARKS = ["disc", "cross", "ring", "square", "triangle"];
 const MARK = { disc: "●", cross: "✕", ring: "○", square: "■", triangle: "▲" };
 const AXES = ["#d55e00", "#009e73", "#0072b2"];
 const moving = scene.unit === "s"; // or separate poses, a second each when played
@@ -229,7 +230,8 @@ for (const { name, unit, values, limits } of scene.signals) {
     g.setLineDash([3, 3]); for (const v of limits ?? []) line(g, [left, y(v)], [w - 6, y(v)], 1, "#777"); g.setLineDash([]);
     values.forEach((row, k) => {
       g.strokeStyle = COLOURS[k % COLOURS.length]; g.lineWidth = 1.6; g.setLineDash([[], [6, 3], [2, 2]][Math.floor(k / COLOURS.length) % 3]);
-      g.beginPath(); row.forEach((v, n) => g.lineTo(x(time[n]), y(v))); g.stroke();
+      if (moving) { g.beginPath(); row.forEach((v, n) => g.lineTo(x(time[n]), y(v))); g.stroke(); }
+      else row.forEach((v, n) => mark(g, [x(time[n]), y(v)], MARKS[k % MARKS.length], COLOURS[k % COLOURS.length]));
     });
     g.setLineDash([]); line(g, [x(timeAt(frame)), head], [x(timeAt(frame)), h], 1, "#000");
     const n = Math.round(frame); g.textAlign = "right";
