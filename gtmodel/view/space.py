@@ -28,6 +28,11 @@ SIGNIFICANT = 6  # digits of a signal
 FIRST = ("N", "N.m", "m", "rad", "m/s", "rad/s")  # units whose signals are shown first
 CHARTS = 6  # signals that are shown; the others are in trajectory.csv
 LARGEST = 6_000_000  # bytes of a page
+# a browser refuses the page any request to a network
+ALONE = (
+    '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; style-src \'unsafe-inline\'; '
+    'script-src \'unsafe-inline\'">'
+)
 
 
 @dataclass(frozen=True)
@@ -139,7 +144,8 @@ class RobotScene:
         for name in order[:CHARTS]:
             rows = np.asarray(signals[name], float).reshape(len(signals.time), -1).T
             values = [[float(f"{x:.{SIGNIFICANT}g}") for x in row] for row in rows]
-            yield {"name": name, "unit": units[name], "values": values, "limits": self.limits.get(name)}
+            limits = [*self.limits[name]] if name in self.limits else None
+            yield {"name": name, "unit": units[name], "values": values, "limits": limits}
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> RobotScene:
@@ -180,7 +186,7 @@ class RobotScene:
             )
         title = escape(self.title or "scene")
         return (
-            f'<!DOCTYPE html>\n<html lang="en"><head>{MARK}<meta charset="utf-8"><title>{title}</title>'
+            f'<!DOCTYPE html>\n<html lang="en"><head>{MARK}<meta charset="utf-8">{ALONE}<title>{title}</title>'
             f'<meta name="viewport" content="width=device-width"><style>\n{style}</style></head>'
             f'<body><h1>{title}</h1><main></main><script type="application/json" id="scene">'
             f"{data}</script><script>\n{script}</script></body></html>\n"

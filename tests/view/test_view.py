@@ -105,7 +105,7 @@ def test_without_a_motion_the_drives_move_and_rods_keep_their_lengths() -> None:
 def test_a_page_asks_nothing_of_a_network_and_is_small() -> None:
     robot, motion = l1()
     page = gt.view.scene(robot, motion, title="</script> & <b>").html()
-    assert read(page).asked == [] and "http" not in page and len(page.encode()) < LARGEST
+    assert read(page).asked == [] and "://" not in page and len(page.encode()) < LARGEST
     assert decoded(page)[0]["title"] == "</script> & <b>"
     assert 'srcdoc="' in gt.view.scene(robot, motion)._repr_html_()
 
@@ -160,7 +160,11 @@ def test_the_command_shows_a_robot_and_a_result(
     Path("mine.gif").write_text("mine")
     assert gtmodel("view", "drop", "-o", "mine.gif").code == 2 and Path("mine.gif").read_text() == "mine"
     assert gtmodel("view", "drop/result.json", "-o", "drop.gif").code == gtmodel("view", "drop", "-o", "drop.gif").code
-    assert gtmodel("view", "drop", "-o", "drop.png").code == 2 and not Path("drop.png").exists()
+    assert gtmodel("view", "drop", "-o", "drop.jpg").code == 2 and not Path("drop.jpg").exists()
+    for file in ("drop.png", "drop.png"):  # its own picture is written over
+        assert gtmodel("view", "drop", "-o", file).code == 0
+    Path("mine.png").write_text("mine")
+    assert gtmodel("view", "drop", "-o", "mine.png").code == 2 and Path("mine.png").read_text() == "mine"
     gtmodel("solve", "van_der_pol", "--out", "not a robot")
     assert gtmodel("view", "not a robot").code == 2
     assert "wrote FiveBar.html" in gtmodel("view", f"{PROBLEMS / 'models' / 'mechanisms.py'}:FiveBar").out
@@ -170,13 +174,17 @@ def test_the_command_shows_a_robot_and_a_result(
 
 @pytest.mark.proof
 def test_a_browser_shows_it(tmp_path: Path) -> None:
-    """No console message, the first frame is not blank, and another instant is another picture."""
+    """No console message, which a request to a network would cause, the first frame is not blank, and another instant
+    is another picture."""
     browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if browser is None:
         pytest.skip("no Chromium here")
     matplotlib_image = pytest.importorskip("matplotlib.image")
     robot, motion = l1()
-    page = gt.view.scene(robot, motion).write(tmp_path / "l1.html")
+    ball = {"plate.frame": gt.view.Sphere(0.1)}
+    marks = gt.view.dots(motion["T"], marker="cross", name="way")
+    scene = gt.view.scene(robot, motion, visual=ball)
+    page = scene.with_(bodies=[*scene.bodies, marks]).write(tmp_path / "l1.html")
     pictures = []
     for instant in ("", "#2.0"):
         file = tmp_path / f"shot{len(pictures)}.png"

@@ -114,7 +114,11 @@ def postures_study(
         R = rows.R
         way = along_path(chain, solutions, rows.T, R, limits=limits, near=start, largest_step=step)
     study = _study_of(case, solutions, way, work)
-    return study.with_(scenes={"postures": partial(_in_space, robot, study)}) if study.each else study
+    return (
+        study.with_(scenes={"postures": partial(_in_space, robot, study, "rad" if np.all(chain.revolute) else "1")})
+        if study.each
+        else study
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,11 +246,11 @@ def _study_of(case: _Case, solutions: Postures, way: PosturePath | None, work: W
     return study
 
 
-def _in_space(robot: Model, study: PosturesStudy) -> view.RobotScene:
+def _in_space(robot: Model, study: PosturesStudy, unit: str) -> view.RobotScene:
     """The arm in one posture after the other, with the number, and whether the limits allow them as a signal."""
     q = np.array([row["q"] for row in study.each])
     inside = np.array([float(row["within_limits"]) for row in study.each])
-    rows = Trajectory(np.arange(1.0, len(q) + 1), {"q": q, "within_limits": inside}, {"q": "rad", "within_limits": "1"})
+    rows = Trajectory(np.arange(1.0, len(q) + 1), {"q": q, "within_limits": inside}, {"q": unit, "within_limits": "1"})
     names = "; ".join(f"{k}: {row['name']}" for k, row in enumerate(study.each, 1))
     drawn = view.scene(robot, rows, title=study.title or "postures")
     return drawn.with_(unit="posture", note=f"Postures by number, {names}.")

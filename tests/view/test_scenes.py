@@ -1,0 +1,225 @@
+"""Scenes of results, and what pages, pictures and films show of them."""
+
+from __future__ import annotations
+
+import io
+import json
+import shutil
+import subprocess
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gtmodel as gt
+from gtmodel.view import pictures
+from tests.support.commands import Commands
+from tests.view.test_view import LARGEST, SAME, decoded, l1
+
+NODE = shutil.which("node")
+
+
+@cache
+def cameras() -> Any:
+    V = gt.vision.robot_cameras
+    return V.study(gt.robots.gantry_tau("l1_tape"), V.SyntheticRobotCameras(counts=[3, 3, 3]))
+
+
+@cache
+def workspace() -> Any:
+    W = gt.kinematics.workspace
+    return gt.kinematics.workspace_study(
+        gt.robots.gantry_tau("l1_tape"), W.WorkspaceLimits(cone=0.7), section=W.CrossSection(step=0.1),
+        obstacles=[W.Box(low=[-0.2, -0.4, 1.5], high=[0.3, 0.2, 1.7])],
+    )  # fmt: skip
+
+
+@cache
+def compliance() -> Any:
+    springs = gt.compliance.Springs(links=gt.compliance.RodSprings(stiffness=2e7),
+                                    carts=gt.compliance.CartSprings(drive=1e7))  # fmt: skip
+    return gt.compliance.study(gt.robots.gantry_tau("l1_tape"), springs, map=gt.compliance.ComplianceMap(step=0.4))
+
+
+@cache
+def postures() -> Any:
+    arm = gt.robots.serial_arm(a=[0.4, 0.3, 0.0], alpha=[0.0, np.pi, 0.0], joints="rrp")
+    return gt.kinematics.postures_study(arm, gt.kinematics.ToolPose([0.5, 0.3, -0.1]))
+
+
+def test_cameras_see_the_poses_that_they_are_said_to_see() -> None:
+    study = cameras()
+    scene = study.view()
+    bodies = {body.name: body for body in scene.bodies}
+    seen = next(body for name, body in bodies.items() if name.startswith("seen by left and right"))
+    for camera in ("left", "right"):
+        row = next(c for c in study.cameras if c["name"] == camera)
+        centre = bodies[camera].vertices[0]
+        assert np.allclose(centre, [row[n]["value"] for n in "xyz"])
+        assert np.allclose(bodies[f"camera {camera}"].vertices, centre)
+        axis = np.mean(bodies[camera].vertices[1:], axis=0) - centre
+        towards = seen.vertices - centre
+        cosines = towards @ axis / np.linalg.norm(axis) / np.linalg.norm(towards, axis=1)
+        assert cosines.min() > 0.8
+    assert "enlarged" in scene.note and sum(body.opacity < 1 for body in scene.bodies) > 5
+
+
+def test_the_workspace_is_marked_by_reason() -> None:
+    study = workspace()
+    scene = study.view()
+    groups = {body.name.rpartition(":")[0]: body for body in scene.bodies if body.marker}
+    shown = {name: len(body.vertices) for name, body in groups.items()}
+    assert shown == study.reasons and len({body.marker for body in groups.values()}) == len(groups)
+    robot = gt.robots.gantry_tau("l1_tape")
+    inverse = robot.causal(known="T", targets="q")
+    assert not np.any(inverse(groups["reachable"].vertices)[-1])
+    assert np.all(inverse(groups["the input lies outside the range where a solution exists"].vertices)[-1])
+    (obstacle,) = [body for body in scene.bodies if body.name == "obstacle"]
+    assert np.allclose(obstacle.vertices.min(axis=0), [-0.2, -0.4, 1.5])
+
+
+def test_a_mode_moves_as_its_name_says() -> None:
+    """The slowest mode moves the plate mostly along its softest direction, which follows from the springs alone."""
+    study = compliance()
+    assert [*study.scenes] == ["mode_1", "mode_2", "mode_3"]
+    scene = study.view("mode_1")
+    rest, most = scene.at("tool centre point", 0.0), scene.at("tool centre point", 0.5)
+    direction = (most - rest) / np.linalg.norm(most - rest)
+    assert abs(direction @ study.directions[0]) > 0.8
+    ends = [
+        scene.at(f"{end} joint {k}", 0.5) - scene.at(f"{end} joint {k}", 0.0)
+        for end in ("cart", "plate")
+        for k in (1, 2, 3)
+    ]
+    largest = max(np.linalg.norm(x) for x in (*ends, most - rest))
+    assert f"drawn as {1e3 * largest:.0f} mm" in scene.note
+    assert f"{study.frequencies[0]:.4g} Hz" in scene.title
+
+
+def test_postures_reach_the_same_pose() -> None:
+    study = postures()
+    scene = study.view()
+    tool = next(part for part in scene.parts if part.shape == "path").points[0]
+    count = len(study.each)
+    assert scene.unit == "posture" and len(scene.time) == count > 1
+    where = [scene.at(tool, float(k)) for k in scene.time]
+    assert np.allclose(where, where[0], rtol=0, atol=SAME)
+    elbow = np.asarray(scene.points["link_1.after"])
+    assert np.ptp(elbow, axis=0).max() > 0.1  # by different ways
+
+
+def test_a_document_gives_the_scene_again() -> None:
+    for scene in (
+        cameras().view(),
+        workspace().view(),
+        postures().view(),
+        gt.view.scene(*l1(), limits={"tau": (-7.0, 7.0)}),
+    ):
+        document = scene.document()
+        again = gt.view.RobotScene.of(json.loads(json.dumps(document)))
+        assert again.document() == document and len(again.html().encode()) < LARGEST
+        assert again.html() == scene.html() and "://" not in again.html()
+
+
+def test_result_folders_are_shown(capsys: pytest.CaptureFixture[str], tmp_path: Path,
+                                  monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    gtmodel = Commands(capsys)
+    compliance().write("modes")
+    assert sorted(p.name for p in Path("modes").glob("*.scene.json")) == [f"mode_{k}.scene.json" for k in (1, 2, 3)]
+    done = gtmodel("view", "modes", "-o", "first.html")
+    assert done.code == 0 and "gtmodel view modes/mode_2.scene.json" in done.err
+    assert gtmodel("view", "modes/mode_2.scene.json", "-o", "second.html").code == 0
+    titles = [decoded(Path(f"{name}.html").read_text())[0]["title"] for name in ("first", "second")]
+    assert "mode 1" in titles[0] and "mode 2" in titles[1]
+    assert gtmodel("view", "modes", "-o", "at.png", "--at", "0.5").code == 0
+    assert gtmodel("view", "modes", "-o", "at.png", "--at", "9").code == 2
+    assert gtmodel("view", "modes", "-o", "at.html", "--at", "0.5").code == 2
+    Path("broken.scene.json").write_text("[1]")
+    assert gtmodel("view", "broken.scene.json").code == 2
+    coarse = ("--set", "mesh.elements=5")
+    assert gtmodel("solve", "delta_motion", "--out", "delta", *coarse).code < 2  # an optimisation with a robot inside
+    assert gtmodel("view", "delta").code == 0
+    document, points = decoded(Path("delta.html").read_text())
+    motion = gt.results.read("delta").trajectory
+    (tool,) = [part[1][0] for part in document["parts"] if part[0] == "path"]
+    assert motion is not None and np.allclose(points[[*points][tool]][-1], motion["robot.T"][-1], atol=SAME)
+
+
+def test_a_scene_that_cannot_be_drawn_loses_no_result(tmp_path: Path) -> None:
+    def broken() -> None:
+        raise RuntimeError("not today")
+
+    study = gt.results.Study(status=gt.SolveStatus.SOLVED, scenes={"broken": broken, "motion": broken})
+    study.write(tmp_path / "out")
+    assert json.loads((tmp_path / "out" / "broken.scene.json").read_text()) == {"fault": "RuntimeError: not today"}
+    assert not (tmp_path / "out" / "motion.scene.json").exists()
+
+
+def test_pictures_and_films(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from PIL import Image
+
+    scene = gt.view.scene(*l1())
+    first, last = (pictures.png(scene, t, width=200, height=150) for t in (0.0, 2.0))
+    assert first == pictures.png(scene, 0.0, width=200, height=150) and first != last
+    with Image.open(io.BytesIO(first)) as picture:
+        assert picture.size == (200, 150) and np.mean(np.asarray(picture.convert("L")) < 200) > 0.005
+    marked = scene.with_(bodies=[gt.view.dots([scene.at("arm[0].tip", 0.0)], name="here", colour="#ff00ff")])
+    pixels = np.asarray(Image.open(io.BytesIO(pictures.png(marked, 0.0, width=200, height=150))).convert("RGB"), int)
+    assert np.sum(np.abs(pixels - [255, 0, 255]).sum(axis=2) < 60) > 10
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    with pytest.raises(gt.results.ArgumentError, match="needs the program ffmpeg"):
+        scene.write(tmp_path / "film.mp4")
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="no ffmpeg here")
+def test_a_film_is_the_same_each_time() -> None:
+    scene = gt.view.scene(*l1())
+    film = pictures.mp4(scene, width=64, height=48, rate=5.0)
+    assert film[4:8] == b"ftyp" and film == pictures.mp4(scene, width=64, height=48, rate=5.0)
+
+
+def played(scene: Any, folder: Path) -> dict[str, Any]:
+    """What the script of the page does on a canvas that counts."""
+    assert NODE is not None
+    page = scene.write(folder / "page.html")
+    command = [NODE, str(Path(__file__).with_name("fake_browser.js")), str(page)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.mark.skipif(NODE is None, reason="no node here")
+@pytest.mark.parametrize(
+    "make",
+    [lambda: gt.view.scene(*l1()), lambda: cameras().view(), lambda: workspace().view(), lambda: postures().view()],
+)
+def test_the_script_draws_turns_and_plays(make: Callable[[], Any], tmp_path: Path) -> None:
+    scene = make()
+    seen = played(scene, tmp_path)
+    assert seen["strokes"] > 100 and seen["finite"] and seen["focusable"]
+    assert all(seen["keys"].values()), seen["keys"]
+    assert str(len(scene.parts) + len(scene.bodies)) in seen["label"]
+    assert seen["legend"] == [body.name for body in scene.bodies if body.marker and body.name]
+    if len(scene.time) > 1:
+        assert seen["slider"] and seen["plays"] and seen["ends"]
+
+
+@pytest.mark.skipif(NODE is None, reason="no node here")
+def test_the_script_places_bodies_where_points_are(tmp_path: Path) -> None:
+    """Two roads to the same pixel: a point given in the world, and a mark given in a turning frame."""
+    angle = 0.7
+    R = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    r, own = np.array([0.3, -0.2, 0.5]), np.array([0.4, 0.1, -0.2])
+    corners = {f"corner {k}": x for k, x in enumerate(np.eye(3))}
+    scene = gt.view.RobotScene(
+        {**corners, "point": R @ own + r}, [gt.view.VisiblePart("joint", ("point",))],
+        frames={"frame": np.column_stack([R, r])}, bodies=[gt.view.VisibleBody([own], marker="ring", frame="frame")],
+    )  # fmt: skip
+    arcs = np.array(played(scene, tmp_path)["arcs"])
+    assert len(arcs) == 3  # joint, its highlight, and the ring
+    gaps = np.linalg.norm(arcs[:, None] - arcs, axis=2) + np.eye(3)
+    assert gaps.min() < 1e-3  # pixels
