@@ -20,6 +20,7 @@ from gtmodel.results.written import sha256, sha256_of_file
 
 HELP = "##"  # comments of gtmodel new
 NO_REMARK = re.compile(rf"#:schema|{HELP}|# (gtmodel \w+ \S+|problems/\S+)\.toml")
+FLOAT = re.compile(r"-?\d+\.\d+(e[+-]?\d+)?")
 ENDS = 1000  # bytes at the beginning and, of a film, at the end in which gtmodel says that it wrote a file
 _HEAD = {"kind", "title"}
 
@@ -72,7 +73,9 @@ def _rows(values: Mapping[str, str], known: Mapping[str, Key]) -> Iterator[tuple
     for key, value in values.items():
         about = known.get(re.sub(r"\[\d+\]", "[]", key)) or known.get(re.sub(r"\[\d+\]", "", key))
         unit = about.unit if about else unit_of(key.rpartition(".")[2])
-        yield key, value, unit, about.description if about else ""
+        # a float as written by hand: 2.5e+07 or 0.1, not 25000000.0
+        shown = value if '"' in value else FLOAT.sub(lambda x: f"{float(x[0]):.10g}", value)
+        yield key, shown, unit, about.description if about else ""
 
 
 def _remarks(content: bytes) -> list[str]:

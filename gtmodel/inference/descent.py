@@ -89,7 +89,7 @@ def minimised(
             return ended(SolveStatus.SOLVED, "no measurement depends on the parameters")
         flat, near = step.change <= LEVEL * step.length, step.full <= ROUNDING * step.reach
         if flat and step.undamped and step.falls >= before:  # only round-off remains
-            return ended(SolveStatus.SOLVED, f"converged after {iterations} iterations")
+            return ended(SolveStatus.SOLVED, f"converged after {_times(iterations)}")
         short = step.full <= STEP * step.reach
         if flat and 0.0 < before < np.inf:  # the next step will be shorter by at least the same ratio
             short |= step.full * (step.falls / before) <= NEXT * STEP * step.reach
@@ -97,7 +97,7 @@ def minimised(
             # taken without evaluating its gain, which is below round-off
             last = here.step(0.0) if damping else step
             x = x if last is None else last.end
-            return ended(SolveStatus.SOLVED, f"converged after {iterations} iterations")
+            return ended(SolveStatus.SOLVED, f"converged after {_times(iterations)}")
         while True:
             trial = at(step.end)
             evaluations += 1
@@ -108,12 +108,16 @@ def minimised(
                 damping = 0.0 if quiet or damping <= step.least else damping * EASIER
                 break
             if near and trial.finite:  # the step is round-off
-                return ended(SolveStatus.SOLVED, f"converged to round-off after {iterations} iterations")
+                return ended(SolveStatus.SOLVED, f"converged to round-off after {_times(iterations)}")
             damping = max(damping * HARDER, step.least)
             shorter = here.step(damping) if damping <= STUCK else None
             if shorter is None:
                 return ended(SolveStatus.FAILED, f"no step along the gradient lowers the residuals; {stuck}")
             step = shorter
     if earlier[0] - here.cost <= SETTLED * here.cost:
-        return ended(SolveStatus.SOLVED, f"converged after {iterations} iterations: the residuals no longer decrease")
+        return ended(SolveStatus.SOLVED, f"converged after {_times(iterations)}: the residuals no longer decrease")
     return ended(SolveStatus.ITERATION_LIMIT, f"not converged after {limit} iterations; start nearer, or {unended}")
+
+
+def _times(iterations: int) -> str:
+    return f"{iterations} iteration{'s' * (iterations != 1)}"

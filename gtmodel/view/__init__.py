@@ -11,7 +11,7 @@ dots, groups  marks at positions, all alike or one group for each label
 lines, frustum lines of sight, what a camera sees
 ellipsoid, ellipsoids, error_lines   uncertainty and errors of positions
 
-Box, Cylinder, Sphere, Capsule, MeshFile   what a part looks like, for `visual` of its class
+Cuboid, Cylinder, Sphere, Capsule, MeshFile   what a part looks like, for `visual` of its class
 """
 
 from typing import TYPE_CHECKING
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     )
     from .robot import around as around, points_of as points_of, scene as scene
     from .solids import (
-        Box as Box,
         Capsule as Capsule,
+        Cuboid as Cuboid,
         Cylinder as Cylinder,
         MeshFile as MeshFile,
         Sphere as Sphere,

@@ -38,10 +38,10 @@ def read_mesh(path: Path) -> tuple[Array, Array]:
     too large or no mesh.
     """
     try:
-        found = path.stat()
+        about = path.stat()
     except OSError as error:
         raise ArgumentError(f"the mesh {path} cannot be read: {error.strerror}", "path") from error
-    return _read(path, found.st_mtime_ns, found.st_size)
+    return _read(path, about.st_mtime_ns, about.st_size)
 
 
 @lru_cache(maxsize=64)
@@ -93,13 +93,13 @@ def _obj(text: str) -> tuple[Array, Array]:
         if words[:1] == ["v"]:
             vertices.append([float(x) for x in words[1:4]])
         elif words[:1] == ["f"]:
-            numbers = [int(word.split("/")[0]) for word in words[1:]]
-            corners = [n - 1 if n > 0 else len(vertices) + n for n in numbers]
+            of_vertices = [int(word.split("/")[0]) for word in words[1:]]
+            corners = [n - 1 if n > 0 else len(vertices) + n for n in of_vertices]
             faces += [[corners[0], *pair] for pair in pairwise(corners[1:])]
-    found = np.array(faces, int).reshape(-1, 3)
-    if found.size and not (found.min() >= 0 and found.max() < len(vertices)):
+    numbers = np.array(faces, int).reshape(-1, 3)
+    if numbers.size and not (numbers.min() >= 0 and numbers.max() < len(vertices)):
         raise ValueError("a face names a vertex that it does not have")
-    return np.array(vertices, float).reshape(-1, 3), found
+    return np.array(vertices, float).reshape(-1, 3), numbers
 
 
 def _merged(vertices: Array, faces: Array, keys: Array) -> tuple[Array, Array]:

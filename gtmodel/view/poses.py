@@ -85,10 +85,10 @@ def _to_and_fro(robot: Model, targets: Sequence[str]) -> tuple[Array, list[Array
     ends = np.cumsum([np.size(v) for v in values.values()])[:-1]
     columns = [c.reshape(len(rows), *np.shape(v)) for c, v in
                zip(np.split(rows, ends, axis=1), values.values(), strict=True)]  # fmt: skip
-    *found, status = function(*columns)
+    *poses, status = function(*columns)
     good = np.asarray(status) == Status.OK
     time = PERIOD / PER_DRIVE * np.arange(int(good.sum()))
-    return time, [np.asarray(v)[good] for v in found]
+    return time, [np.asarray(v)[good] for v in poses]
 
 
 def _free(robot: Model, targets: Sequence[str]) -> _Start | None:

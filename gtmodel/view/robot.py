@@ -46,7 +46,7 @@ def scene(
             each free coordinate about its start value.
         limits: (low, high) of signals by name, drawn with them.
         title: of the page.
-        visual: more solids by frame of the robot or in "world": {"plate.frame": gt.view.Box((0.3, 0.3, 0.02))}.
+        visual: more solids by frame of the robot or in "world": {"plate.frame": gt.view.Cuboid((0.3, 0.3, 0.02))}.
         still: only the home pose or the start values, without a motion.
 
     Raises ArgumentError for a model without points in space, for a motion that does not determine its poses, for a
@@ -69,7 +69,7 @@ def scene(
     ...     @property
     ...     def visual(self):
     ...         along = {"xyz": (self.L / 2, 0.0, 0.0), "rpy": (0.0, np.pi / 2, 0.0)}
-    ...         return {"arm.a": gt.view.Cylinder(0.02, self.L, **along), "body.frame": gt.view.Box((0.1, 0.08, 0.08))}
+    ...         return {"arm.a": gt.view.Cylinder(0.02, self.L, **along), "body.frame": gt.view.Cuboid((0.1, 0.1, 0.1))}
     ...
     ...     def equations(self):
     ...         yield gt.connect(self.ground.frame, self.joint.a)

@@ -66,10 +66,10 @@ def _positive(value: Any, name: str) -> None:
 
 
 @dataclass(frozen=True)
-class Box(VisibleSolid):
+class Cuboid(VisibleSolid):
     """A box with the edges `size` (3,) [m] along its axes.
 
-    >>> print(gt.view.Box((0.2, 0.1, 0.05)).body().extent.__round__(4))
+    >>> print(gt.view.Cuboid((0.2, 0.1, 0.05)).body().extent.__round__(4))
     0.2291
     """
 
@@ -191,7 +191,7 @@ def solids_of(visual: Any, owner: str) -> Iterator[tuple[str, VisibleSolid]]:
     if not isinstance(visual, Mapping):
         raise ArgumentError(
             f"visual of {owner} is {type(visual).__name__}; expected a dictionary from frames to solids, such as "
-            '{"frame": gt.view.Box((0.2, 0.1, 0.1))}', "visual",
+            '{"frame": gt.view.Cuboid((0.2, 0.1, 0.1))}', "visual",
         )  # fmt: skip
     for frame, given in visual.items():
         for solid in (
@@ -199,7 +199,7 @@ def solids_of(visual: Any, owner: str) -> Iterator[tuple[str, VisibleSolid]]:
         ):
             if not isinstance(solid, VisibleSolid):
                 raise ArgumentError(
-                    f"visual of {owner}: '{frame}' has {solid!r}; expected gt.view.Box, Cylinder, Sphere, Capsule or "
-                    "MeshFile, or a list of these", "visual",
+                    f"visual of {owner}: '{frame}' has {solid!r}; expected gt.view.Cuboid, Cylinder, Sphere, Capsule "
+                    "or MeshFile, or a list of these", "visual",
                 )  # fmt: skip
             yield frame, solid

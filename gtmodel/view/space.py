@@ -30,8 +30,8 @@ CHARTS = 6  # signals that are shown; the others are in trajectory.csv
 LARGEST = 6_000_000  # bytes of a page
 # a browser refuses the page any request to a network
 ALONE = (
-    '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; style-src \'unsafe-inline\'; '
-    'script-src \'unsafe-inline\'">'
+    "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; "
+    "script-src 'unsafe-inline'\">"
 )
 
 

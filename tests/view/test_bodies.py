@@ -33,7 +33,7 @@ class Lever(gt.Model):
     @property
     def visual(self) -> dict[str, Any]:
         rod = gt.view.Cylinder(0.02, self.L, xyz=(self.L / 2, 0.0, 0.0), rpy=(0.0, np.pi / 2, 0.0))
-        return {"arm.a": rod, "body.frame": [gt.view.Box((0.1, 0.08, 0.06), xyz=(0.0, 0.0, 0.2))]}
+        return {"arm.a": rod, "body.frame": [gt.view.Cuboid((0.1, 0.08, 0.06), xyz=(0.0, 0.0, 0.2))]}
 
     def equations(self) -> Any:
         yield gt.connect([self.ground.frame, self.joint.b, self.arm.b], [self.joint.a, self.arm.a, self.body.frame])
@@ -44,7 +44,7 @@ class Bench(gt.Model):
     """A lever as a part of a model, with a table in the world."""
 
     lever = gt.part(Lever, L=0.7)
-    visual = {"world": gt.view.Box((1.0, 1.0, 0.1), xyz=(0.0, 0.0, -0.5))}  # noqa: RUF012
+    visual = {"world": gt.view.Cuboid((1.0, 1.0, 0.1), xyz=(0.0, 0.0, -0.5))}  # noqa: RUF012
 
 
 def volume(body: gt.view.VisibleBody) -> float:
@@ -68,7 +68,7 @@ def bodies_of(document: dict[str, Any]) -> dict[str, list[np.ndarray]]:
 @pytest.mark.parametrize(
     ("solid", "expected"),
     [
-        (gt.view.Box((0.1, 0.2, 0.3)), 0.1 * 0.2 * 0.3),
+        (gt.view.Cuboid((0.1, 0.2, 0.3)), 0.1 * 0.2 * 0.3),
         (gt.view.Cylinder(0.1, 0.5, rpy=(0.3, 0.2, 0.1)), np.pi * 0.01 * 0.5),
         (gt.view.Sphere(0.2, xyz=(1.0, 2.0, 3.0)), 4 / 3 * np.pi * 0.008),
         (gt.view.Sphere(1.0, (0.1, 0.2, 0.3)), 4 / 3 * np.pi * 0.006),
@@ -174,13 +174,13 @@ def test_what_is_wrong_is_refused(tmp_path: Path) -> None:
         ({frame: gt.view.MeshFile(tmp_path / "no.stl")}, "is no STL file"),
         ({frame: gt.view.MeshFile(tmp_path / "part.step")}, "neither STL nor OBJ"),
         ({"body.frme": gt.view.Sphere(0.1)}, r"did you mean 'body\.frame'"),
-        ({frame: "a box"}, "expected gt.view.Box"),
+        ({frame: "a box"}, "expected gt.view.Cuboid"),
     ]  # fmt: skip
     for visual, words in wrong:
         with pytest.raises(gt.results.ArgumentError, match=words):
             gt.view.scene(Lever(), visual=visual, still=True)
     calls: list[tuple[Any, Any]] = [
-        (gt.view.Box, ((0.1, -0.2, 0.3),)), (gt.view.Cylinder, (0.0, 1.0)), (gt.view.Sphere, (np.inf,)),
+        (gt.view.Cuboid, ((0.1, -0.2, 0.3),)), (gt.view.Cylinder, (0.0, 1.0)), (gt.view.Sphere, (np.inf,)),
         (gt.view.VisibleBody, ([[0, 0, 0]], [[0, 1, 2]])), (gt.view.ellipsoid, (-np.eye(3), [0, 0, 0])),
         (gt.view.RobotScene.of, ({"points": {}},)),
     ]  # fmt: skip

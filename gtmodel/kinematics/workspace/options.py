@@ -86,9 +86,8 @@ class Box(Options):
         low, high = np.array(self.low), np.array(self.high)
         sides = np.maximum(high - low, THIN).tolist()
         name = self.name or "obstacle"
-        return (
-            view.Box((sides[0], sides[1], sides[2]), xyz=tuple((low + high) / 2)).body().with_(name=name, opacity=0.3)
-        )
+        solid = view.Cuboid((sides[0], sides[1], sides[2]), xyz=tuple((low + high) / 2))
+        return solid.body().with_(name=name, opacity=0.3)
 
 
 @dataclass(frozen=True)

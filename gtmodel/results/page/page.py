@@ -127,6 +127,7 @@ def _verdict(study: Study, rows: Sequence[str]) -> list[str]:
     sentences = [s for s in (study.message, *rows) if s != study.status.message] or [study.message]
     lines = [f'<div class="box {sound}"><b>{escape(word.replace("_", " "))}</b>{_list(sentences)}</div>']
     made = study.values.get("synthetic")
+    made = made.removeprefix("synthetic, ") if isinstance(made, str) else made
     return [*lines, f'<p class="made">Synthetic data: {escape(made)}</p>'] if isinstance(made, str) and made else lines
 
 

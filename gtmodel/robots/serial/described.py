@@ -215,7 +215,7 @@ def _with_meshes(urdf: Urdf, folder: Path) -> Urdf:
     for name, link in urdf.links.items():
         kept = list[VisibleSolid]()
         for solid in link.visuals:
-            path = _found(str(solid.path), folder) if isinstance(solid, MeshFile) else None
+            path = _mesh_path(str(solid.path), folder) if isinstance(solid, MeshFile) else None
             if isinstance(solid, MeshFile) and path is None:
                 missing.append(f"'{solid.path}' of link '{name}'")
             else:
@@ -227,7 +227,7 @@ def _with_meshes(urdf: Urdf, folder: Path) -> Urdf:
     return replace(urdf, links=links)
 
 
-def _found(written: str, folder: Path) -> Path | None:
+def _mesh_path(written: str, folder: Path) -> Path | None:
     """Return the path of a mesh file, None if there is none. package://NAME/REST is NAME/REST or REST in the folder of
     the file or in one around it."""
     if not written.startswith(("package://", "model://")):

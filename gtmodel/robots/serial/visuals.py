@@ -11,7 +11,7 @@ import numpy as np
 from ...geometry.rotations import rotation_of_rpy, rpy_of_rotation, shortest_rotation
 from ...results import ArgumentError
 from ...results.read_bounds import XmlFault
-from ...view.solids import Box, Capsule, Cylinder, MeshFile, Sphere, VisibleSolid
+from ...view.solids import Capsule, Cuboid, Cylinder, MeshFile, Sphere, VisibleSolid
 from .described import Pose, XmlElement, attribute, composed, number, vector
 
 Array = np.ndarray
@@ -41,7 +41,7 @@ def drawable(path: str) -> str:
 
 
 URDF_SHAPES: dict[str, Callable[[XmlElement], VisibleSolid]] = {
-    "box": lambda e: Box(tuple(vector(e, "size", [0.0] * 3).tolist())),
+    "box": lambda e: Cuboid(tuple(vector(e, "size", [0.0] * 3).tolist())),
     "cylinder": lambda e: Cylinder(number(e, "radius"), number(e, "length")),
     "capsule": lambda e: Capsule(number(e, "radius"), number(e, "length")),
     "sphere": lambda e: Sphere(number(e, "radius")),
@@ -108,7 +108,7 @@ def _uri(e: XmlElement) -> MeshFile:
 
 
 SDF_SHAPES: dict[str, Callable[[XmlElement], VisibleSolid]] = {
-    "box": lambda e: Box(_words(e, "size", 3)),  # type: ignore[arg-type]  # vector refuses another number
+    "box": lambda e: Cuboid(_words(e, "size", 3)),  # type: ignore[arg-type]  # vector refuses another number
     "cylinder": lambda e: Cylinder(_one(e, "radius"), _one(e, "length")),
     "capsule": lambda e: Capsule(_one(e, "radius"), _one(e, "length")),
     "sphere": lambda e: Sphere(_one(e, "radius")),
@@ -150,7 +150,7 @@ def mjcf_solid(
         if kind == "mesh":
             solid: VisibleSolid = meshes[g.attributes.get("mesh", "")]
         elif kind == "box":
-            solid = Box((2 * size[0], 2 * size[1], 2 * size[2]))
+            solid = Cuboid((2 * size[0], 2 * size[1], 2 * size[2]))
         elif kind in ("cylinder", "capsule"):
             solid = (Cylinder if kind == "cylinder" else Capsule)(size[0], 2 * size[1])
         elif kind in ("sphere", "ellipsoid"):
