@@ -63,8 +63,8 @@ def mechanism(
     A loop closes where a link of an SDF is the child of two joints, or by `<connect>`, a ball joint, and `<weld>` of
     MJCF, which are exact here: solref and solimp are not used. Joints that follow another one (mimic,
     `<equality><joint>` up to the fourth order) act on its effort. SDF's universal, ball and screw joints and MJCF's
-    ball and free joints are read too; they have no motor. Shapes, sensors and tendons, and all of an actuator but the
-    name of its joint, are not used, which `graph.notes` lists.
+    ball and free joints are read too; they have no motor. Sensors and tendons, and all of an actuator but the name of
+    its joint, are not used, which `graph.notes` lists; visual shapes are only drawn, by `gt.view`.
 
     Raises ModelError with file and line for what the formats or this reader do not allow, for names of joints that the
     file does not have, and for a joint that cannot have a motor.

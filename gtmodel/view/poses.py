@@ -94,39 +94,45 @@ def _to_and_fro(robot: Model, targets: Sequence[str]) -> tuple[Array, list[Array
 def _free(robot: Model, targets: Sequence[str]) -> _Start | None:
     """The free coordinates of a mechanism without drives, from which all else follows, at their start values."""
     flat = flat_of(robot)
+    inputs = [n for n, (_, own) in flat.groups.items() if own and flat.variables[own[0]].role == "input"]
     try:
-        function = compile_causal(robot, targets=list(targets))
-    except ModelError:
-        return None
+        function = compile_causal(robot, known=inputs, targets=list(targets))
+    except ModelError as error:
+        raise ArgumentError(
+            f"no home pose of {type(robot).__name__} is known; pass a motion with q; {error}", "robot"
+        ) from error
     values, units = dict[str, Any](), list[str | None]()
     for signal in function.inputs:
         indices = flat.lookup(signal.name)[1]
         starts = [flat.variables[k].start or 0.0 for k in indices]
         values[signal.name] = np.array(starts).reshape(signal.shape) if signal.shape else starts[0]
-        units += [flat.variables[k].unit for k in indices]
+        units += [flat.variables[k].unit for k in indices if signal.name not in inputs]  # which come last
     return (values, units, function) if function(*values.values())[-1] == Status.OK else None
 
 
 def _home(robot: Model, targets: Sequence[str]) -> _Start | None:
-    """What determines the home pose, and its first variable's units, which moves."""
-    flat, starts = flat_of(robot), dict[str, Array]()
-    for name in ("q", "T", "e", "R"):
-        shape, indices = flat.groups.get(name, ((), []))
-        known = [flat.variables[k].start for k in indices]
-        if known and (name == "q" or None not in known):
-            starts[name] = np.array([x or 0.0 for x in known]).reshape(shape)
+    """What determines the home pose, of the robot or of the one robot in it, and its first variable's units, which
+    moves."""
+    flat = flat_of(robot)
     point = np.asarray(getattr(robot, "home", ()), float)
-    if point.shape == (3,) and "T" in flat.groups:
-        starts["T"] = point
-        # a home that is a point tells q better than starts that nobody set
-        inverse = _compiled(robot, ("T",), ("q",)) if "q" in starts and not starts["q"].any() else None
-        if inverse is not None and (q := inverse(point))[1] == Status.OK:
-            starts["q"] = np.asarray(q[0])
-    for known in KNOWN:
-        if set(known) <= set(starts) and (function := _compiled(robot, known, targets)) is not None:
-            values = {name: starts[name] for name in known}
-            if function(*values.values())[-1] == Status.OK:
-                return values, [flat.variables[k].unit for k in flat.groups[known[0]][1]], function
+    for part in dict.fromkeys(["", *(n[:-1] for n in flat.groups if n.endswith(".q"))]):
+        starts = dict[str, Array]()
+        for name in ("q", "T", "e", "R"):
+            shape, indices = flat.groups.get(part + name, ((), []))
+            known = [flat.variables[k].start for k in indices]
+            if known and (name == "q" or None not in known):
+                starts[part + name] = np.array([x or 0.0 for x in known]).reshape(shape)
+        if not part and point.shape == (3,) and "T" in flat.groups:
+            starts["T"] = point
+            # a home that is a point tells q better than starts that nobody set
+            inverse = _compiled(robot, ("T",), ("q",)) if "q" in starts and not starts["q"].any() else None
+            if inverse is not None and (q := inverse(point))[1] == Status.OK:
+                starts["q"] = np.asarray(q[0])
+        for known in ([part + n for n in known] for known in KNOWN):
+            if set(known) <= set(starts) and (function := _compiled(robot, known, targets)) is not None:
+                values = {name: starts[name] for name in known}
+                if function(*values.values())[-1] == Status.OK:
+                    return values, [flat.variables[k].unit for k in flat.groups[known[0]][1]], function
     return None
 
 

@@ -158,20 +158,25 @@ def _visual_of(component: Model) -> bool:
 
 
 def _solids(flat: Any) -> Iterator[tuple[str, Any]]:
-    """Frames, by their full names, and solids that the classes of the components declare.
-
-    A property `visual` reads the parameters of its component as numbers.
-    """
+    """Frames, by their full names, and solids that the classes of the components declare."""
     for component in filter(_visual_of, flat.tree.components):
         cls, path = type(component), component._path
-        of = {n: f"{path}.{n}" if path else n for n, item in cls._declared.items() if isinstance(item, Parameter)}
-        known = {n: flat.bindings[name] for n, name in of.items() if name in flat.bindings}
-        numbers = ca.Function("p", [flat.p], list(known.values())).call([flat.p0])
-        shapes = [tuple(cls._declared[n].shape) for n in known]
-        arrays = [np.array(x, float).reshape(shape) for x, shape in zip(numbers, shapes, strict=True)]
-        values = {n: x if x.shape else float(x) for n, x in zip(known, arrays, strict=True)}
-        for frame, solid in solids_of(cls(**values).visual, cls.__name__):
+        visual = cls.visual
+        if isinstance(visual, property):  # which reads the parameters of its component as numbers
+            assert visual.fget is not None
+            visual = visual.fget(cls(**_numbers(flat, cls, path)))
+        for frame, solid in solids_of(visual, cls.__name__):
             yield f"{path}.{frame}" if path and frame != WORLD else frame, solid
+
+
+def _numbers(flat: Any, cls: type[Model], path: str) -> dict[str, Any]:
+    """The values of the parameters of a component."""
+    of = {n: f"{path}.{n}" if path else n for n, item in cls._declared.items() if isinstance(item, Parameter)}
+    known = {n: flat.bindings[name] for n, name in of.items() if name in flat.bindings}
+    numbers = ca.Function("p", [flat.p], list(known.values())).call([flat.p0])
+    shapes = [tuple(cls._declared[n].shape) for n in known]
+    arrays = [np.array(x, float).reshape(shape) for x, shape in zip(numbers, shapes, strict=True)]
+    return {n: x if x.shape else float(x) for n, x in zip(known, arrays, strict=True) if np.isfinite(x).all()}
 
 
 def _carried(flat: Any, solids: Sequence[tuple[str, Any]], owner: str) -> list[str]:

@@ -70,7 +70,7 @@ def from_sdf(
     Read are poses with relative_to, degrees and rotation_format; frames; axes with expressed_in; limits, damping,
     friction and mimic of axes; inertias. The joints are revolute, continuous, prismatic and fixed. The base is "world"
     if a joint has it as parent, and is then the model's frame; else the link without a parent. `structure.notes` lists
-    what is not used, such as shapes, sensors and springs.
+    what is not used, such as sensors and springs; visual shapes are drawn by `gt.view`.
 
     Raises ModelError with file and line for invalid SDF, other joints, several models, nested models and includes, and
     loops, which `mechanism` reads.

@@ -49,7 +49,8 @@ def from_urdf(
 
     Supported joints are revolute, continuous, prismatic and fixed. A mimic joint follows its leader in q, and its
     effort is part of the leader's tau. Links fixed to the chain are merged into its links. A moving side branch is
-    locked; `structure.notes` lists it, and all elements that were not used, such as shapes and transmissions.
+    locked; `structure.notes` lists it, and all elements that were not used, such as
+    transmissions. Visual shapes are drawn by `gt.view`.
 
     Raises ModelError with file and line for invalid URDF, floating and planar joints, loops, and several moving chains
     if no tip is given; `mechanism` reads all chains.
