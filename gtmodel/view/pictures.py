@@ -29,6 +29,9 @@ AXES = ("#d55e00", "#009e73", "#0072b2")
 AZIMUTH, ELEVATION = -0.96, 0.35  # rad, of the camera
 FILLED, FINER = 0.8, 2  # share of the picture; drawn larger and made smaller, so that edges are smooth
 LONGEST = 65_000  # ms of one picture in a GIF
+FLOOR = "#d8d8d8"
+# sizes of the robot by which joints count as nearer, to be before bars that end in them, and guideways as farther
+NEARER, BEHIND = 0.015, 0.05
 PIECES = 8  # of a bar, so that it is behind one part and before another
 LETTERS, MARGIN = 13, 8  # pixels: height of letters, and from the edge of the picture
 Item = tuple[float, Callable[[Any], object]]  # depth, and what draws it
@@ -108,6 +111,7 @@ class _Camera:
         moving = [scene.placed(b, b.corners(), t) for b in scene.bodies for t in (times[::8] if b.frame else times[:1])]
         points = np.vstack([*(np.reshape(p, (-1, 3)) for p in scene.points.values()), *moving])
         self.size = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
+        self.low, self.high = points.min(axis=0), points.max(axis=0)
         flat = points @ self.across.T
         self.middle = (flat.min(axis=0) + flat.max(axis=0)) / 2
         self.scale = FILLED * float(np.min(np.array(self.shape) / np.maximum(np.ptp(flat, axis=0), 1e-9)))
@@ -128,11 +132,22 @@ class _Camera:
 
         image = Image.new("RGB", self.shape, "white")
         pen = ImageDraw.Draw(image, "RGBA")
+        self.floor(pen)
         items = [*self.parts(time), *self.bodies(time)]
         for _, draw in sorted(items, key=lambda item: item[0]):
             draw(pen)
         self.write(pen)
         return image
+
+    def floor(self, pen: Any) -> None:
+        """Grid below everything, with a step of 1, 2 or 5, as on the page."""
+        decade = 10.0 ** np.floor(np.log10(self.size / 8))
+        step = decade * next(m for m in (1, 2, 5, 10) if m * decade >= self.size / 8)
+        first, last = np.floor(self.low[:2] / step) - 1, np.ceil(self.high[:2] / step) + 1
+        for k in (0, 1):
+            for x in np.arange(first[k], last[k] + 1):
+                ends = np.array([[x, first[1 - k]], [x, last[1 - k]]])[:, [k, 1 - k]] * step
+                pen.line(self.seen(np.column_stack([ends, np.full(2, self.low[2])])), fill=FLOOR, width=FINER // 2)
 
     def write(self, pen: Any) -> None:
         """The legend of groups with markers, and the note."""
@@ -165,12 +180,14 @@ class _Camera:
                     yield depth, lambda pen, a=places[0], b=end, c=paint, r=r: _line(pen, a, b, c, r)
             elif part.shape in ("bar", "guideway"):
                 ends = points[0] + np.linspace(0.0, 1.0, PIECES + 1)[:, None] * (points[1] - points[0])
+                behind = BEHIND * self.size if part.shape == "guideway" else 0.0
                 for (a, b), middle in zip(
                     pairwise(self.seen(ends)), (ends[:-1] + ends[1:]) / 2 @ self.out, strict=True
                 ):
-                    yield float(middle), lambda pen, a=a, b=b, c=colour, r=r: _line(pen, a, b, c, r)
+                    yield float(middle) - behind, lambda pen, a=a, b=b, c=colour, r=r: _line(pen, a, b, c, r)
             else:
                 (x, y), cart = places[0], part.shape == "cart"
+                depth += NEARER * self.size
                 box = [x - r, y - r, x + r, y + r]
                 yield (
                     depth,

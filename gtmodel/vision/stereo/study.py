@@ -8,6 +8,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
+from ... import view
 from ...geometry.pinhole import LENS
 from ...geometry.rotations import composed, matrices_of
 from ...inference.bundle import BundleFit
@@ -17,6 +18,7 @@ from ...results.refusal import naming
 from ...results.suspicion import FIRST, suspicion_checks
 from ...results.table import csv_text
 from ...results.work import WorkOptions, study_function
+from ...view.bodies import COLOURS
 from ..corner_table import Board, CornerTable
 from ..residuals import LEAST, GrossErrors, PictureTest, gross_errors, picture_test
 from ..views import MOVES, intersect
@@ -112,9 +114,40 @@ def stereo_study(
         quadratic_p={n: t.quadratic for n, t in tests.items()}, radius_p={n: t.radius for n, t in tests.items()},
         map_rms={n: t.size for n, t in tests.items()},
         figures={"residuals": partial(_figure, drawn, (board.width_pixel, board.height_pixel), work.title)},
+        scenes={"cameras": partial(_in_space, table, end, board, work.title)} if metres else {},
         files={"cameras.csv": _cameras_file(values, metres), "residuals.csv": _residuals_file(corners, rows, end)},
         machine_files=("cameras.csv",),
     )  # fmt: skip
+
+
+def _in_space(table: CornerTable, end: BundleFit, board: BoardPictures, title: str) -> view.RobotScene:
+    """Cameras with their whole pictures, and the boards by the cameras that see them; upwards is upwards in the
+    pictures of the first camera."""
+    w, h = board.width_pixel - 1.0, board.height_pixel - 1.0
+    low, high = table.X.min(axis=0), table.X.max(axis=0)
+    flat = np.array([[low[0], low[1], 0.0], [high[0], low[1], 0.0], [high[0], high[1], 0.0], [low[0], high[1], 0.0]])
+    boards = end.values["board"]
+    rectangles = [flat @ R.T + t for R, t in zip(matrices_of(boards), boards[:, 4:], strict=True)]
+    middles = np.array([r.mean(axis=0) for r in rectangles])
+    sees = [set(table.picture[table.camera == c].tolist()) for c in range(len(table.cameras))]
+    labels = [
+        " and ".join(n for n, own in zip(table.cameras, sees, strict=True) if p in own) for p in range(len(middles))
+    ]
+    bodies = view.groups(middles, [f"board seen by {label}" for label in labels])
+    bodies += [view.VisibleBody(r, [[0, 1, 2], [0, 2, 3]], (), "", f"picture {name}", opacity=0.25)
+               for r, name in zip(rectangles, table.pictures, strict=True)]  # fmt: skip
+    for c, name in enumerate(table.cameras):
+        fx, fy, cx, cy = end.values["lens"][c, :4]
+        rays = [((u - cx) / fx, (v - cy) / fy, 1.0) for u, v in ((0, 0), (w, 0), (w, h), (0, h))]
+        R, t = matrices_of(end.values["camera"])[c], end.values["camera"][c, 4:]
+        centre = -R.T @ t  # the pose maps the frame of the first camera to this one's
+        depth = float(np.median((middles - centre) @ R[2]))
+        colour = COLOURS[c % len(COLOURS)]
+        bodies += [view.frustum(rays, R.T, centre, depth, name=f"camera {name}", colour=colour),
+                   view.dots(centre[None], marker="square", name=f"camera {name}", colour=colour)]  # fmt: skip
+    upright = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    note = "Pyramids: the pictures of the cameras, without distortion."
+    return view.around(None, [body.moved(upright, np.zeros(3)) for body in bodies], title=title or "cameras", note=note)
 
 
 def explained_pictures(corners: CornerTable, board: BoardPictures) -> list[str]:
