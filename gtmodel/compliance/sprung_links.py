@@ -121,7 +121,7 @@ class LinkMasses:
         K, M = s.stiffness(), self.matrix(s)
         moving = np.concatenate([np.full(s.degrees_of_freedom, True), s.total[s.degrees_of_freedom :] > 0])
         K, M = K[:, moving][:, :, moving], M[:, moving][:, :, moving]
-        good = np.isfinite(K).all(axis=(1, 2))
+        good = np.asarray(np.isfinite(K).all(axis=(1, 2)))
         try:
             L = np.linalg.cholesky(M[good])
         except np.linalg.LinAlgError as error:

@@ -24,8 +24,7 @@ Array = np.ndarray
 GROUND = "#b0b0b0"  # of bars that never move
 SAME = 1e-9  # m: points closer than that at all times are one
 BEYOND, AXIS = 0.25, 0.08  # guideway beyond the travel of its cart, and length of axes, in sizes of the robot
-# points whose path is drawn, and their rotations, of the robot or of a part of it
-TOOLS, TURNS = ("plate.frame", "end", "tool.frame"), ("R", "end.R", "plate.frame.R")
+TOOLS = ("plate.frame", "end", "tool.frame", "flange.b")  # points whose path is drawn, of the robot or of a part of it
 OVERSIZE = 30.0  # sizes of the robot; a solid larger than that is in another unit
 WORLD = "world"  # frame of what stands still
 
@@ -85,7 +84,8 @@ def scene(
     if not names:
         raise ArgumentError(f"{type(robot).__name__} has no components with points in space", "robot")
     carried = _carried(flat, solids, type(robot).__name__)
-    turns = [n for n in _ending(flat.groups, TURNS) if flat.groups[n][0] == (3, 3)][:1]
+    tools = _ending((n.removesuffix(".r") for n in names), TOOLS)
+    turns = [n for n in (*(f"{tool}.R" for tool in tools[:1]), "R") if flat.groups.get(n, ((), []))[0] == (3, 3)][:1]
     rotations = [f"{n}.R" for n in carried if f"{n}.R" in flat.groups]
     time, values, shown = poses_of(robot, [*names, *turns, *rotations], motion, still)
     points = {n.removesuffix(".r"): v for n, v in zip(names, values, strict=False)}
@@ -93,7 +93,6 @@ def scene(
     values = values[: len(names) + len(turns)]
     frames = {n: _frame(points[n], orientations.get(f"{n}.R")) for n in carried}
     bodies = [solid.body(frame if frame != WORLD else "") for frame, solid in solids]
-    tools = _ending(points, TOOLS)
     points, one_of = _distinct(points)
     size = size_of(points)
     covered = {one_of[n] for n in carried}
@@ -113,10 +112,10 @@ def scene(
         ends = np.moveaxis(np.asarray(points[tool])[..., None] + AXIS * size * values[-1], -1, 0)
         points |= {f"tool {axis}": end for axis, end in zip("xyz", ends, strict=True)}
         parts.append(VisiblePart("axes", (tool, *(f"tool {axis}" for axis in "xyz")), "tool frame"))
-    still = {n: p[0] if np.ptp(p, axis=0).max() < SAME else p for n, p in points.items()}
+    shorter = {n: p[0] if np.ptp(p, axis=0).max() < SAME else p for n, p in points.items()}
     named = motion.title if motion is not None else ""
     name = title or named or type(robot).__name__
-    return RobotScene(still, parts, time, shown, limits or {}, name, frames=frames, bodies=bodies)
+    return RobotScene(shorter, parts, time, shown, limits or {}, name, frames=frames, bodies=bodies)
 
 
 def _ending(names: Iterable[str], wanted: Sequence[str]) -> list[str]:
@@ -161,7 +160,7 @@ def _solids(flat: Any) -> Iterator[tuple[str, Any]]:
     """Frames, by their full names, and solids that the classes of the components declare."""
     for component in filter(_visual_of, flat.tree.components):
         cls, path = type(component), component._path
-        visual = cls.visual
+        visual: Any = getattr(cls, "visual", None)
         if isinstance(visual, property):  # which reads the parameters of its component as numbers
             assert visual.fget is not None
             visual = visual.fget(cls(**_numbers(flat, cls, path)))
@@ -171,11 +170,11 @@ def _solids(flat: Any) -> Iterator[tuple[str, Any]]:
 
 def _numbers(flat: Any, cls: type[Model], path: str) -> dict[str, Any]:
     """The values of the parameters of a component."""
-    of = {n: f"{path}.{n}" if path else n for n, item in cls._declared.items() if isinstance(item, Parameter)}
+    shape_of = {n: tuple(item.shape) for n, item in cls._declared.items() if isinstance(item, Parameter)}
+    of = {n: f"{path}.{n}" if path else n for n in shape_of}
     known = {n: flat.bindings[name] for n, name in of.items() if name in flat.bindings}
     numbers = ca.Function("p", [flat.p], list(known.values())).call([flat.p0])
-    shapes = [tuple(cls._declared[n].shape) for n in known]
-    arrays = [np.array(x, float).reshape(shape) for x, shape in zip(numbers, shapes, strict=True)]
+    arrays = [np.array(x, float).reshape(shape_of[n]) for n, x in zip(known, numbers, strict=True)]
     return {n: x if x.shape else float(x) for n, x in zip(known, arrays, strict=True) if np.isfinite(x).all()}
 
 

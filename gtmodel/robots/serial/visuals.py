@@ -154,7 +154,7 @@ def mjcf_solid(
         elif kind in ("cylinder", "capsule"):
             solid = (Cylinder if kind == "cylinder" else Capsule)(size[0], 2 * size[1])
         elif kind in ("sphere", "ellipsoid"):
-            solid = Sphere(1.0, (size[0],) * 3 if kind == "sphere" else (size[0], size[1], size[2]))
+            solid = Sphere(size[0]) if kind == "sphere" else Sphere(1.0, (size[0], size[1], size[2]))
         else:
             return None
     except (XmlFault, ArgumentError, ValueError, IndexError, KeyError, ZeroDivisionError):
