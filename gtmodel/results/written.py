@@ -116,10 +116,9 @@ def files_of(study: Study, data: bytes) -> dict[str, bytes]:
 def _scene(make: Callable[[], Any]) -> bytes:
     """The data of a scene, or a sentence about why it cannot be drawn."""
     try:
-        data = make().document()
+        return json.dumps(make().document(), ensure_ascii=False, separators=(",", ":"), allow_nan=False).encode()
     except Exception as error:
-        data = {"fault": f"{type(error).__name__}: {' '.join(str(error).split())}"}
-    return json.dumps(data, ensure_ascii=False, separators=(",", ":")).encode()
+        return json.dumps({"fault": f"{type(error).__name__}: {' '.join(str(error).split())}"}).encode()
 
 
 def for_machines(study: Study, asked: str, by: str = "write_failed=True") -> Study:

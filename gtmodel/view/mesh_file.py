@@ -67,7 +67,10 @@ def _read(path: Path, changed: int, size: int) -> tuple[Array, Array]:
         raise ArgumentError(
             f"{path.name} has {len(faces)} triangles; a view takes up to {MOST_READ}: reduce the mesh", "path"
         )
-    return _fewer(*_merged(vertices, faces, vertices))
+    vertices, faces = _fewer(*_merged(vertices, faces, vertices))
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    inside_out = np.einsum("fi,fi->", a, np.cross(b, c)) < 0  # the volume, of a closed surface
+    return vertices, faces[:, ::-1] if inside_out else faces
 
 
 def _stl(content: bytes) -> tuple[Array, Array]:

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -78,16 +79,24 @@ def mp4(scene: RobotScene, *, width: int = 1280, height: int = 960, rate: float 
         raise ArgumentError("a film needs the program ffmpeg, which was not found; install it, or write a .gif", "path")
     camera = _Camera(scene, width, height)
     instants, rate = _instants(scene, rate, speed)
-    raw = b"".join(camera.small(t).tobytes() for t in instants)
     with tempfile.TemporaryDirectory() as folder:
         film = Path(folder, "film.mp4")
         source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{rate:g}", "-i", "-"]
         same = ["-map_metadata", "-1", "-fflags", "+bitexact", "-flags:v", "+bitexact", "-threads", "1"]
         coding = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-metadata", f"comment={MARK}"]
         command = [ffmpeg, "-v", "error", *source, *same, *coding, str(film)]
-        done = subprocess.run(command, input=raw, capture_output=True)
-        if done.returncode:
-            raise ArgumentError(f"ffmpeg failed: {' '.join(done.stderr.decode(errors='replace').split())}", "path")
+        with open(Path(folder, "faults"), "w+b") as faults:
+            with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=faults, stderr=faults) as coder:
+                assert coder.stdin is not None
+                with suppress(BrokenPipeError):  # it has failed, and says why
+                    for t in instants:
+                        coder.stdin.write(camera.small(t).tobytes())
+                    coder.stdin.close()
+            if coder.returncode:
+                faults.seek(0)
+                raise ArgumentError(
+                    f"ffmpeg failed: {' '.join(faults.read().decode(errors='replace').split())}", "path"
+                )
         return film.read_bytes()
 
 

@@ -22,7 +22,7 @@ def test_the_shipped_problem(capsys: pytest.CaptureFixture[str], tmp_path: Path)
     assert [cone["angle_deg"] for cone in values["cones"]] == [30.0, 45.0]
     assert [p["reachable"] for p in values["points"]] == [True, False, False] and values["volume_m3"] > 5
     files = {p.name for p in (tmp_path / "out").iterdir()}
-    assert files == {"result.json", "boundary.csv", "section.png", "robot.png", "run.toml"}
+    assert files == {"result.json", "boundary.csv", "section.png", "workspace.scene.json", "robot.png", "run.toml"}
 
 
 @pytest.mark.parametrize(

@@ -142,7 +142,8 @@ def test_stl_and_obj_files_are_the_same_cube(tmp_path: Path) -> None:
     (tmp_path / "b.stl").write_text(f"solid cube\n{corners}endsolid\n")
     quads = "".join("f " + " ".join(f"{k + 1}/1/1" for k in side) + "\n" for side in SIDES)
     (tmp_path / "c.obj").write_text("# a cube\n" + "".join("v {:g} {:g} {:g}\n".format(*x) for x in CORNERS) + quads)
-    for name in ("a.stl", "b.stl", "c.obj"):
+    (tmp_path / "d.stl").write_bytes(stl(CORNERS, CUBE[:, ::-1]))  # inside out
+    for name in ("a.stl", "b.stl", "c.obj", "d.stl"):
         body = gt.view.MeshFile(tmp_path / name, scale=0.5).body()
         assert body.closed and len(body.faces) == 12 and volume(body) == pytest.approx(0.125)
     assert volume(gt.view.MeshFile(tmp_path / "a.stl", scale=(-1.0, 1.0, 2.0)).body()) == pytest.approx(2.0)  # mirrored
