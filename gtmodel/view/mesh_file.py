@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -13,7 +12,8 @@ from ..results import ArgumentError
 
 Array = np.ndarray
 MOST_READ, MOST_DRAWN = 1_000_000, 5_000  # triangles
-LARGEST = 200_000_000  # bytes
+EXACT = 20  # times MOST_DRAWN: triangles up to which equal corners are found first
+LARGEST = 60_000_000  # bytes
 HEADER, TRIANGLE = 84, 50  # bytes of a binary STL
 CELLS = (
     200,
@@ -67,7 +67,9 @@ def _read(path: Path, changed: int, size: int) -> tuple[Array, Array]:
         raise ArgumentError(
             f"{path.name} has {len(faces)} triangles; a view takes up to {MOST_READ}: reduce the mesh", "path"
         )
-    vertices, faces = _fewer(*_merged(vertices, faces, vertices))
+    if len(faces) <= EXACT * MOST_DRAWN:  # otherwise merged in a grid anyway
+        vertices, faces = _merged(vertices, faces, np.unique(vertices, axis=0, return_inverse=True)[1])
+    vertices, faces = _fewer(vertices, faces)
     a, b, c = np.moveaxis(vertices[faces], 1, 0)
     inside_out = np.einsum("fi,fi->", a, np.cross(b, c)) < 0  # the volume, of a closed surface
     return vertices, faces[:, ::-1] if inside_out else faces
@@ -107,8 +109,7 @@ def _obj(text: str) -> tuple[Array, Array]:
 
 def _merged(vertices: Array, faces: Array, keys: Array) -> tuple[Array, Array]:
     """Vertices with equal keys become one, in their middle; triangles that lose a corner vanish."""
-    _, number = np.unique(keys, axis=0, return_inverse=True)
-    number = number.reshape(-1)
+    _, number = np.unique(keys.reshape(-1), return_inverse=True)
     weights = np.bincount(number)
     middle = np.column_stack([np.bincount(number, weights=x) / weights for x in vertices.T])
     faces = number[faces]
@@ -120,14 +121,11 @@ def _merged(vertices: Array, faces: Array, keys: Array) -> tuple[Array, Array]:
 
 
 def _fewer(vertices: Array, faces: Array) -> tuple[Array, Array]:
-    side = float(np.ptp(vertices, axis=0).max()) or 1.0
-    for drawn in _coarser(vertices, faces, side):
-        if len(drawn[1]) <= MOST_DRAWN:
-            return drawn
-    raise AssertionError("27 corners have fewer than MOST_DRAWN triangles")
-
-
-def _coarser(vertices: Array, faces: Array, side: float) -> Iterator[tuple[Array, Array]]:
-    yield vertices, faces
-    for cells in CELLS:
-        yield _merged(vertices, faces, np.floor((vertices - vertices.min(axis=0)) / side * cells))
+    """Merge vertices in ever larger cells until at most MOST_DRAWN triangles remain."""
+    low, side = vertices.min(axis=0), float(np.ptp(vertices, axis=0).max()) or 1.0
+    for cells in CELLS:  # of the last, 27 corners have fewer triangles
+        if len(faces) <= MOST_DRAWN:
+            break
+        place = np.floor((vertices - low) / side * cells).astype(int)
+        vertices, faces = _merged(vertices, faces, place @ [1, cells + 1, (cells + 1) ** 2])
+    return vertices, faces
