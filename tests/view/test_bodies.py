@@ -233,6 +233,15 @@ def test_visual_shapes_of_files_are_where_their_links_are(name: str, text: str, 
         assert ("mesh files not found and not drawn: 'gone.stl' of link 'arm'" in notes) == (name == "r.urdf")
 
 
+def test_a_link_with_an_unreadable_mesh_shows_its_collision_shape() -> None:
+    text = URDF.replace('<cylinder radius="0.04" length="0.5"/>', '<mesh filename="arm.dae"/>')
+    text = text.replace("package://parts/a.stl", "a.dae").replace("gone.stl", "b.dae")
+    shape = '<collision><origin xyz="0 0 1"/><geometry><box size="1 2 3"/></geometry></collision>'
+    arm = gt.robots.from_urdf(text.replace("<inertial>", f"{shape}<inertial>"))
+    assert arm.visual == {"link_1.after": [gt.view.Cuboid((1.0, 2.0, 3.0), xyz=(0.0, 0.0, 1.0))]}
+    assert arm.structure.notes == ("not used: 3 visual shapes",)
+
+
 def test_an_ellipsoid_has_one_distance_and_a_stated_scale() -> None:
     rng = np.random.default_rng(3)
     A = rng.normal(size=(3, 3))

@@ -177,6 +177,8 @@ class UrdfReader:
         materials = {m.attributes.get("name", ""): colour_of(m) for m in self.robot.all("material")}
         drawn = [*urdf_solids(e, _origin, materials)]
         self.undrawn += drawn.count(None)
+        if drawn and not any(drawn):  # meshes in another format, such as Collada, often collide as STL
+            drawn += urdf_solids(e, _origin, materials, "collision")
         visuals = tuple(s for s in drawn if s is not None)
         if inertial is None:
             return UrdfLink(name, e.line, capsules=capsules, visuals=visuals)

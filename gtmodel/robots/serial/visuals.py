@@ -50,10 +50,11 @@ URDF_SHAPES: dict[str, Callable[[XmlElement], VisibleSolid]] = {
 
 
 def urdf_solids(
-    link: XmlElement, origin: Callable[[XmlElement], tuple[Array, Array]], materials: Mapping[str, str]
-) -> Iterator[VisibleSolid | None]:
-    """Yield what each <visual> of a link of URDF looks like; None for one that is not drawn."""
-    for visual in link.all("visual"):
+    link: XmlElement, origin: Callable[[XmlElement], tuple[Array, Array]], materials: Mapping[str, str],
+    tag: str = "visual",
+) -> Iterator[VisibleSolid | None]:  # fmt: skip
+    """Yield what each <visual>, or <collision>, of a link of URDF looks like; None for one that is not drawn."""
+    for visual in link.all(tag):
         geometry = next(iter(visual.all("geometry")), None)
         shape = next(iter(geometry.inside), None) if geometry is not None else None
         solid = None if shape is None else solid_of(shape, URDF_SHAPES)
