@@ -41,6 +41,7 @@ if TYPE_CHECKING:
         RigidBodyPlant as RigidBodyPlant,
         Servo as Servo,
     )
+    from .predictive_law import PredictiveLaw as PredictiveLaw
     from .process import LoopError as LoopError, LoopProcess as LoopProcess
     from .python_loop import LoopLimits as LoopLimits, PythonLoop as PythonLoop, Settings as Settings
     from .robot_side import RobotSide as RobotSide

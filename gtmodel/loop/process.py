@@ -17,6 +17,7 @@ import numpy as np
 from ..results import Trajectory
 from .egm import DATAGRAM_MAX
 from .exchange import AXES
+from .predictive_law import PLAN_COLUMNS
 
 STATES = ("waiting", "running", "holding", "ramping", "stopped", "braking")
 COUNTERS = ("late", "lost", "repeated", "reordered", "stale", "garbage")
@@ -38,6 +39,7 @@ COLUMNS = (
     *(f"path[{n}]" for n in range(3)),
     "dry",
     *WATCHES,
+    *PLAN_COLUMNS,
 )
 
 
