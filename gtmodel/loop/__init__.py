@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from .loop_result import LoopStudy as LoopStudy
     from .loop_study import rsi_configuration as rsi_configuration, study as study
     from .plant import (
+        DisturbedPlant as DisturbedPlant,
         DrivePlant as DrivePlant,
         ElasticPlant as ElasticPlant,
         RigidBodyPlant as RigidBodyPlant,

@@ -97,6 +97,9 @@ class RigidBodyPlant:
         start: T or q at the start, at rest [m, rad]; the robot sags until its servo makes the holding force.
         servo: gains and substeps.
         cycle_s: cycle [s].
+
+    limit_N: largest force of each motor [N, N m], at which it saturates. force_N: what the servo asked for at each
+    substep of the last cycle, (substeps, n).
     """
 
     def __init__(
@@ -109,6 +112,7 @@ class RigidBodyPlant:
     ) -> None:
         self.servo = servo or Servo()
         self._step, self._carts = _cycle(forward_dynamics, velocity, self.servo, cycle_s)
+        self.limit_N, self.force_N = math.inf, np.zeros((0, len(start)))
         self._state = np.concatenate([start, np.zeros(len(start))])
         self.position_m = np.array(self._carts(self._state)).ravel()
 
@@ -125,8 +129,67 @@ class RigidBodyPlant:
     def step(self, position_m: Sequence[float], speed_m_s: Sequence[float]) -> None:
         n = len(self.position_m)
         u, du = _per_cart(position_m, n, "position_m"), _per_cart(speed_m_s, n, "speed_m_s")
-        self._state = np.array(self._step(self._state, u, du)).ravel()
+        state, force = (np.array(v) for v in self._step(self._state, u, du, self.limit_N))
+        self._state, self.force_N = state.ravel(), force.T
         self.position_m = np.array(self._carts(self._state)).ravel()
+
+
+class DisturbedPlant:
+    """A plant behind a slow interface, with noisy encoders and a force that drifts: all synthetic.
+
+    Args:
+        plant: moves under positions and speeds.
+        delay: cycles until a command acts; until the first one has arrived the brakes hold.
+        noise: standard deviation of one reading [m].
+        seed: of the noise.
+        drift: rate at which the commanded positions shift [m/s]; times the stiffness of a servo, that of a force.
+        limits: (time [s], largest force of the motors [N]) of the instants from which another limit holds.
+
+    `forces_N`: what the servo asked for in each cycle, (substeps, n), if the plant has a servo.
+
+    >>> plant = gt.loop.DrivePlant([0.0, 0.1, 0.2], a=[0.0] * 3, b=[1.0] * 3, delay=1)
+    >>> late = gt.loop.DisturbedPlant(plant, delay=1)
+    >>> for _ in range(2):
+    ...     late.step([0.1, 0.1, 0.2], [0.0] * 3)
+    ...     print(late.position_m)
+    [0.  0.1 0.2]
+    [0.1 0.1 0.2]
+    """
+
+    def __init__(
+        self, plant: Plant, *, delay: int = 0, noise: float = 0.0, seed: int = 0, drift: float = 0.0,
+        limits: Sequence[tuple[float, float]] = (), cycle_s: float = 0.004,
+    ) -> None:  # fmt: skip
+        self.plant, self.delay, self.noise, self.drift, self.cycle_s = plant, delay, noise, drift, cycle_s
+        self.limits, self._random = sorted(limits), np.random.default_rng(seed)
+        self._pipe: deque[tuple[np.ndarray, Sequence[float]]] = deque()
+        self._cycles = 0
+        self.forces_N: list[np.ndarray] = []
+        self.position_m = self._read()
+
+    @property
+    def arm_m(self) -> np.ndarray:
+        """Position on the arm's side, without noise [m]."""
+        return self.plant.arm_m
+
+    @property
+    def title(self) -> str:
+        """Name of the plant."""
+        return str(getattr(self.plant, "title", type(self.plant).__name__))
+
+    def step(self, position_m: Sequence[float], speed_m_s: Sequence[float]) -> None:
+        now = self._cycles * self.cycle_s
+        self._cycles += 1
+        for _, limit in [entry for entry in self.limits if entry[0] <= now]:
+            self.plant.limit_N = limit  # pyright: ignore[reportAttributeAccessIssue]
+        self._pipe.append((np.array(position_m) + self.drift * now, speed_m_s))
+        if len(self._pipe) > self.delay:
+            self.plant.step(*self._pipe.popleft())  # pyright: ignore[reportArgumentType]
+            self.forces_N.append(np.array(getattr(self.plant, "force_N", np.zeros((0, len(position_m))))))
+        self.position_m = self._read()
+
+    def _read(self) -> np.ndarray:
+        return self.plant.position_m + self.noise * self._random.standard_normal(len(self.plant.position_m))
 
 
 class ElasticPlant:
@@ -176,23 +239,31 @@ def _per_cart(values: Sequence[float], carts: int, argument: str) -> np.ndarray:
 def _cycle(
     forward: CausalFunction, velocity: CausalFunction | None, servo: Servo, cycle_s: float
 ) -> tuple[ca.Function, ca.Function]:
-    """Return (state, u, du) -> state after a cycle, with fourth-order Runge-Kutta, and state -> carts."""
+    """Return (state, u, du, limit) -> state after a cycle, with fourth-order Runge-Kutta, and the forces that the servo
+    asks for; and state -> carts."""
     size = forward.outputs[0].shape[0]
     x, u, du, t = ca.SX.sym("x", 2 * size), ca.SX.sym("u", size), ca.SX.sym("du", size), ca.SX.sym("t")
     state = {0: x[:size], 1: x[size:]}
     q, dq = (x[:size], x[size:]) if velocity is None else _call(velocity, state)
-    tau = ca.DM(servo.kp_N_m) * (u + t * du - q) + ca.DM(servo.kd_N_s_m) * (du - dq)
-    (acceleration,) = _call(forward, state, tau)
-    rate = ca.Function("rate", [x, u, du, t], [ca.vertcat(x[size:], acceleration)])
-    h, state = cycle_s / servo.substeps, x
+    wanted = ca.DM(servo.kp_N_m) * (u + t * du - q) + ca.DM(servo.kd_N_s_m) * (du - dq)
+    limit = ca.SX.sym("limit")
+    (acceleration,) = _call(forward, state, ca.fmin(ca.fmax(wanted, -limit), limit))
+    motion = ca.Function("rate", [x, u, du, t, limit], [ca.vertcat(x[size:], acceleration), wanted])
+    h, state, forces = cycle_s / servo.substeps, x, []
+
+    def rate(x: ca.SX, u: ca.SX, du: ca.SX, t: float) -> ca.SX:
+        return motion(x, u, du, t, limit)[0]
+
     for n in range(servo.substeps):
         time = n * h
+        forces.append(motion(state, u, du, time, limit)[1])
         k1 = rate(state, u, du, time)
         k2 = rate(state + h / 2 * k1, u, du, time + h / 2)
         k3 = rate(state + h / 2 * k2, u, du, time + h / 2)
         k4 = rate(state + h * k3, u, du, time + h)
         state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    return ca.Function("cycle", [x, u, du], [state]), ca.Function("carts", [x], [q])
+    cycle = ca.Function("cycle", [x, u, du, limit], [state, ca.horzcat(*forces)])
+    return cycle, ca.Function("carts", [x], [q])
 
 
 def _call(function: CausalFunction, state: dict[int, ca.SX], tau: ca.SX | None = None) -> list[ca.SX]:

@@ -4,7 +4,8 @@
    the first cycle, the state of the start is moved to the reading before.
 2. The state is predicted over the delay, with the inputs on their way.
 3. The last plan is moved on by one period, and the stages are linearised there.
-4. One quadratic program is solved. Without a solution the plan stays as moved.
+4. One quadratic program is solved, from the last solution. Without a solution the plan stays as moved, and the next
+   cycle begins without it.
 5. The first input of the plan, within its limits, is the output.
 """
 
@@ -97,7 +98,7 @@ class CycleTwin(StepTwin):
                 np.column_stack([b, a[:, -1:]]) for a, b in zip((*plan, sides), moved, strict=True)
             )
             end = all_sides[count * qp.stage.positives :].reshape(-1, 1)
-            start = (np.zeros_like(plan_v), sides, end)
+            start = None if state["failed"] else (np.zeros_like(plan_v), sides, end)
         else:
             plan_x = np.repeat(x[:, None], count + 1, axis=1)
             plan_v, start = np.repeat(real.array(c.first)[:, None], count, axis=1), None
@@ -280,7 +281,7 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
         f"    call.last_data = last_data;\n    call.w = &work;\n    for (k = 0; k < {n}; k++) {{\n"
         f"        x[k] = ahead[k] - plan_x[k];\n    }}\n    for (k = 0; k < {count * m}; k++) {{\n"
         "        u[k] = 0.0;\n    }\n"
-        "    status = gt_stage_qp_solve(&call, (state->begun != 0) ? start : 0, &found);\n"
+        "    status = gt_stage_qp_solve(&call, ((state->begun != 0) && (state->failed == 0)) ? start : 0, &found);\n"
         "    if (status == GT_OK) {\n"
         f"        for (k = 0; k < {(count + 1) * n}; k++) {{\n            plan_x[k] += x[k];\n        }}\n"
         f"        for (k = 0; k < {count * m}; k++) {{\n            plan_v[k] += u[k];\n        }}\n"
