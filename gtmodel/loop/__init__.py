@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from .loop_result import LoopStudy as LoopStudy
     from .loop_study import rsi_configuration as rsi_configuration, study as study
     from .plant import (
+        Disturbances as Disturbances,
         DisturbedPlant as DisturbedPlant,
         DrivePlant as DrivePlant,
         ElasticPlant as ElasticPlant,
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
         Servo as Servo,
     )
     from .predictive_law import PredictiveLaw as PredictiveLaw
+    from .predictive_result import PredictiveLoop as PredictiveLoop
     from .process import LoopError as LoopError, LoopProcess as LoopProcess
     from .python_loop import LoopLimits as LoopLimits, PythonLoop as PythonLoop, Settings as Settings
     from .robot_side import RobotSide as RobotSide

@@ -7,7 +7,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Annotated, Protocol
 
 import casadi as ca
 import numpy as np
@@ -16,6 +16,7 @@ import scipy
 from .._pickling import PortableError
 from ..compiler.causal import CausalFunction
 from ..results.agreement import numbers_of
+from ..results.options import Options, Unit, Within
 
 
 class PlantStopped(PortableError, RuntimeError):
@@ -132,6 +133,31 @@ class RigidBodyPlant:
         state, force = (np.array(v) for v in self._step(self._state, u, du, self.limit_N))
         self._state, self.force_N = state.ravel(), force.T
         self.position_m = np.array(self._carts(self._state)).ravel()
+
+
+@dataclass(frozen=True)
+class Disturbances(Options):
+    """What a simulated robot adds to its plant: delay, noise, a force that drifts, motors that saturate; all synthetic.
+
+    >>> gt.loop.Disturbances(delay=2, noise=1e-5).seed
+    1
+    """
+
+    delay: Annotated[int, Within(least=0, most=100), "cycles until a command acts; brakes hold until the first"] = 0
+    noise: Annotated[float, Unit("m"), Within(least=0.0), "standard deviation of a reading of an axis"] = 0.0
+    seed: Annotated[int, Within(least=0), "of the noise"] = 1
+    drift: Annotated[float, Unit("N/s"), Within(), "rate of an unknown force at each servo"] = 0.0
+    force_limit: Annotated[
+        float | None, Unit("N"), Within(above=0.0), "largest force of the motors of the servo; unlimited if left out"
+    ] = None
+
+    def around(self, plant: Plant, servo: Servo, cycle_s: float) -> DisturbedPlant:
+        """Return the plant behind them."""
+        shift = self.drift / float(np.max(servo.kp_N_m))
+        limits = [] if self.force_limit is None else [(0.0, self.force_limit)]
+        return DisturbedPlant(
+            plant, delay=self.delay, noise=self.noise, seed=self.seed, drift=shift, limits=limits, cycle_s=cycle_s
+        )
 
 
 class DisturbedPlant:

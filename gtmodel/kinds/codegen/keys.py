@@ -14,6 +14,7 @@ from gtmodel import predictive
 from gtmodel.cgen import Verification
 from gtmodel.fmu.plant_unit import PlantUnit
 from gtmodel.loop.lead_through.options import Guiding
+from gtmodel.loop.plant import Disturbances
 from gtmodel.predictive.options import ControlHorizon, Measurement
 from gtmodel.problem_files.base import Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, made_from
@@ -272,6 +273,9 @@ class Schema(RobotProblem):
     check: Made[Verification] = Made[Verification].left_out()
     lead_through: Made[Guiding] | None = Field(
         default=None, description="for gtmodel loop --law lead_through: law, force sensors and a synthetic scene"
+    )
+    disturbances: Made[Disturbances] | None = Field(
+        default=None, description="for gtmodel loop: delay, noise and saturation of the simulated robot"
     )
     plant: PlantUnitSection | None = Field(
         default=None, description="for gtmodel loop: a unit (FMI) instead of the simulated robot"
