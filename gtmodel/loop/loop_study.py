@@ -372,7 +372,7 @@ def _compared(bench: Bench, plant: str, title: str, planning: GeneratedPlan | No
     for name, one in zip(("off", "on"), runs, strict=False):
         log = trajectory_of(
             one.log, bench.axes, 1e-3 * CYCLE_MS, title=f"{bench.peer}, {one.label}: log of the loop",
-            unit="rad" if bench.joints else "m",
+            unit="rad" if bench.joints else "m", limits=planning.limits if planning and one is runs[-1] else None,
         )  # fmt: skip
         log.to_csv(bench.place / f"loop_{name}.csv")
         state, why = STATES[one.report["state"]], Status(one.report["status"]).message

@@ -150,6 +150,9 @@ class Disturbances(Options):
     force_limit: Annotated[
         float | None, Unit("N"), Within(above=0.0), "largest force of the motors of the servo; unlimited if left out"
     ] = None
+    force_margin: Annotated[
+        float | None, Unit("N"), Within(least=0.0), "how much more the servo may ask for with law predictive: a check"
+    ] = None
 
     def around(self, plant: Plant, servo: Servo, cycle_s: float) -> DisturbedPlant:
         """Return the plant behind them."""

@@ -115,6 +115,10 @@ def quantities(bench: Bench, runs: Sequence[OneRun], plan: GeneratedPlan) -> tup
     if limit is not None:
         advice = "the plan asks for more than the motors have: lower the limits of the controller"
         checks["planned_force"] = at_most(numbers["force_planned"], limit, advice)
+    margin = bench.disturbances.force_margin
+    if limit is not None and margin is not None:
+        advice = "give the controller a lower limit, or the servo a softer damping"
+        checks["asked_force"] = at_most(asked[-1], limit + margin, advice)
     if offsets[-1] is not None:
         advice = "the controller does not hold the goal: let it estimate a disturbance of each input"
         checks["offset_at_rest"] = at_most(offsets[-1], OFFSET_MM, advice)
