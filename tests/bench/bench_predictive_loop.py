@@ -38,7 +38,7 @@ HEAVIER, NOISE, DRIFT, SERVO = 0.2 * 9.13, 1e-5, 20.0, Servo()
 AT, CYCLES = 70, 750  # cycle of a change, cycles of a run: 3 s
 WALL_M_S = 0.2  # speed of the wall, which a plan does not know: it takes the wall to stand
 NEAR_M, WALL_M = 1e-4, 5e-3  # of the goal at the end; how far the wall may come past the tool
-MARGIN = 1.35  # forces that the servo may ask for, over their limit
+MARGIN = 1.45  # forces that the servo may ask for, over their limit
 
 
 def controller(stages: int = 40) -> Controller:
