@@ -22,7 +22,7 @@ const char *gt_arguments_help(void)
            "  --cycles N                  end after so many, 0 for never; 0\n"
            "  --a A,.. --b B,.. --delay-ms N  drives of law trajectory\n"
            "  --kp K,.. --kd K,.. --lead-ms N  servo of laws dynamics and predictive [N/m, N s/m], of joints\n"
-           "                              [N m/rad, N m s/rad]; predictive: without --kp the plan itself is sent\n"
+           "                              [N m/rad, N m s/rad]\n"
            "  --corrections TABLE         of law replay\n"
            "  --gain G                    of law path [1/s]\n"
            "  --gains TABLE               of law lead_through, which has no reference\n"

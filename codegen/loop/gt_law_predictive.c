@@ -15,10 +15,16 @@ static gt_status gt_predictive_init(void *state, const gt_feedback *first)
     gt_law_predictive *law = (gt_law_predictive *)state;
     const gt_robot_plan *plan = (law->model != NULL) ? law->model->plan : NULL;
     uint32_t k;
+    uint32_t n;
 
     if ((plan == NULL) || (law->plan == NULL) || (plan->period_ms != law->cycle_ms) ||
         (law->goals.columns != plan->goals)) {
         return GT_OUT_OF_RANGE;
+    }
+    for (n = 0U; n < law->model->axes; n++) {
+        if (!(law->kp_N_m[n] > 0.0)) {
+            return GT_SINGULAR;
+        }
     }
     law->done = 0U;
     law->refused = 0U;
@@ -72,17 +78,14 @@ static void gt_predictive_command(const gt_law_predictive *law, const gt_plan_cy
                                 (cycle->acceleration_m_s2[n] * ((period * period) / 6.0));
         const double before = command->position_m[n];
 
-        command->position_m[n] = cycle->position_m[n];
-        if ((kp > 0.0) && law->sends_speed) {
+        if (law->sends_speed) {
             /* the speed that is sent is the way from the command before over the period */
             const double rate = kd / period;
             const double wanted = (cycle->force_N[n] + (kp * position)) + (kd * speed);
 
             command->position_m[n] = (wanted + (((kp / 2.0) + rate) * before)) / ((1.5 * kp) + rate);
-        } else if (kp > 0.0) {
-            command->position_m[n] = position + ((cycle->force_N[n] + (kd * speed)) / kp);
         } else {
-            /* ideal drives */
+            command->position_m[n] = position + ((cycle->force_N[n] + (kd * speed)) / kp);
         }
         command->speed_m_s[n] = cycle->speed_m_s[n];
     }

@@ -1,8 +1,9 @@
 /* Law: an optimum over a horizon, solved anew in each cycle by a generated step function (gt_robot_plan).
  *
  * The plan gives the force of a cycle, and positions and speeds at its end. The protocols take no forces: a servo
- * F = kp (u - q) + kd (du - dq) makes that force on average over the cycle by the command that this law sends. With
- * kp = 0 the drives are taken for ideal, and positions and speeds of the plan are sent as they are.
+ * F = kp (u - q) + kd (du - dq) makes that force on average over the cycle by the command that this law sends. Drives
+ * that follow positions whatever the force, without a servo that is known, are no plant of such a plan: readings of
+ * positions that were commanded say nothing about forces.
  *
  * In a cycle without a datagram, or with a reading that cannot be used, the plan moves on by one period. A row of goals
  * that is not finite is refused: the goals before it stay, for hold_cycles in a row.

@@ -20,6 +20,7 @@ from ..results.options import Within
 from ..results.refusal import naming
 from ..results.work import WorkOptions, study_function
 from .build import GeneratedPlan, adapter, build, built_before, manifest_of, plan_of
+from .disturbed import Disturbances
 from .exchange import AXES, CYCLE_MS
 from .laws import ReferenceTable
 from .lead_through.options import Guiding
@@ -42,7 +43,7 @@ from .one_run import (
     run_of,
     turns,
 )
-from .plant import Disturbances, PlantSource, Servo
+from .plant import PlantSource, Servo
 from .predictive_result import PredictiveLoop, goals_of, quantities
 from .process import FULL, STATES, LoopError, trajectory_of
 

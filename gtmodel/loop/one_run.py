@@ -16,9 +16,10 @@ from ..lang import Model
 from ..results import Status, Trajectory, Work
 from ..results.refusal import naming
 from ..robots import actuator_closed_loop
+from .disturbed import Disturbances
 from .exchange import CYCLE_MS
 from .laws import ReferenceTable
-from .plant import Disturbances, DrivePlant, ElasticPlant, Plant, PlantSource, PlantStopped, RigidBodyPlant, Servo
+from .plant import DrivePlant, ElasticPlant, Plant, PlantSource, PlantStopped, RigidBodyPlant, Servo
 from .process import STATES, LoopError, LoopProcess
 from .robot_side import RobotSide
 from .run import LoopRun, lockstep, real_time

@@ -38,9 +38,8 @@ class PredictiveLaw:
     """Law that follows the plan of a predictive controller, which reads the positions of the axes.
 
     controller: measures one variable q, and returns q, der(q) and der(q,2) among its outputs, and the forces tau.
-    goals: a row holds the references of one stage. kp_N_m, kd_N_s_m: the servo of each axis, which makes the forces;
-    with kp 0 the drives are taken for ideal, and positions and speeds of the plan are sent. sends_speed: the servo
-    also receives speeds. `numbers` stand in the log; the C version is gt_law_predictive.h.
+    goals: a row holds the references of one stage. kp_N_m, kd_N_s_m: the servo of each axis, which makes the forces.
+    sends_speed: the servo also receives speeds. `numbers` stand in the log; the C version is gt_law_predictive.h.
 
     Raises ArgumentError if the controller does not return these.
     """
@@ -78,6 +77,8 @@ class PredictiveLaw:
     def init(self, first: RobotFeedback) -> Status:
         if self.goals.rows.shape[1] != sum(k.count for k in self.controller.goals) // self._rows:
             return Status.OUT_OF_RANGE
+        if not all(kp > 0.0 for kp in self.kp_N_m[: self.axes]):
+            return Status.SINGULAR
         self._done, self._refused, self._over = 0, 0, Status.OK
         self._predicted = [list(first.position_m) for _ in range(self._delay + 1)]
         return self._twin.init(self._state, record(self.controller.start, DOUBLE, dict(self.controller.defaults)))
@@ -156,12 +157,11 @@ class PredictiveLaw:
             speed = dq - ddq * (period / 2.0)
             position = (q - dq * (period / 2.0)) + ddq * ((period * period) / 6.0)
             before = command.position_m[n]
-            command.position_m[n] = q
-            if kp > 0.0 and self.sends_speed:
+            if self.sends_speed:
                 # the speed that is sent is the way from the command before over the period
                 rate = kd / period
                 wanted = (force + kp * position) + kd * speed
                 command.position_m[n] = (wanted + (kp / 2.0 + rate) * before) / (1.5 * kp + rate)
-            elif kp > 0.0:
+            else:
                 command.position_m[n] = position + (force + kd * speed) / kp
             command.speed_m_s[n] = dq

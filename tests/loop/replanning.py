@@ -104,11 +104,13 @@ class Ride:
 
 @dataclass
 class Replanning:
-    """The bench: program in `place`, its controller."""
+    """The bench: program in `place`, its controller; kp, kd: the servo as the law knows it."""
 
     law: Controller
     program: Path
     place: Path
+    kp: float = KP
+    kd: float = KD
 
     def robot(self, protocol: str = "egm", start: Sequence[float] = (0.0, 0.0, 0.0), **keys: Any) -> RobotSide:
         mine = {name: keys.pop(name) for name in ("mass", "servo") if name in keys}
@@ -117,7 +119,7 @@ class Replanning:
         return RobotSide(protocol, plant, **theirs)  # type: ignore[arg-type]
 
     def python_loop(self, protocol: str, goals: np.ndarray, law: Controller | None = None) -> PythonLoop:
-        servo = [KP] * 6, [KD] * 6
+        servo = [self.kp] * 6, [self.kd] * 6
         own = PredictiveLaw(law or self.law, ReferenceTable(goals), 3, protocol == "egm", 4, HOLD, *servo)
         limits = LoopLimits(step_m=0.05)
         settings = Settings(dry=False, hold_cycles=HOLD, deceleration_m_s2=DECELERATION, limits=limits)
@@ -128,7 +130,7 @@ class Replanning:
         table.write_bytes(ReferenceTable(goals).to_bytes())
         log.unlink(missing_ok=True)
         words = f"--peer {protocol} --law predictive --live --hold {HOLD} --deceleration {DECELERATION} --step 0.05 "
-        words += f"--idle-ms 9000 --kp {','.join([repr(KP)] * 6)} --kd {','.join([repr(KD)] * 6)}"
+        words += f"--idle-ms 9000 --kp {','.join([repr(self.kp)] * 6)} --kd {','.join([repr(self.kd)] * 6)}"
         return [*words.split(), "--reference", str(table), "--log", str(log)]
 
     def ride(

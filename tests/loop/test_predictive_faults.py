@@ -7,14 +7,21 @@ import os
 import signal
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from gtmodel.cgen import generate
-from gtmodel.loop import LoopProcess, Servo, build, egm, expected_counters, real_time
+from gtmodel.loop import (
+    LoopProcess,
+    Servo,
+    build,
+    egm,
+    expected_counters,
+    real_time,
+)
 from gtmodel.loop.process import COUNTERS, STATES
 from gtmodel.results import Status
 from tests.loop.replanning import (
@@ -266,6 +273,23 @@ def test_rsi_goes_on_with_its_plan(bench: Replanning, lost: int) -> None:
     assert STATES[ride.report["state"]] == "running"
     assert np.abs(ride.measured[-1] - GOAL).max() < NEAR_M
     assert np.abs(ride.axes("force")).max() <= FORCE
+
+
+@pytest.mark.parametrize("kp", [20_000.0, 400_000.0])
+def test_servos_of_22_to_100_rad_s_are_taken(bench: Replanning, kp: float) -> None:
+    kd = 1.2 * (kp * MASS) ** 0.5
+    ride = replace(bench, kp=kp, kd=kd).ride(
+        bench.robot(servo=Servo(kp, kd, 32), mass=1.2 * MASS, noise=1e-5, seed=1), goals()
+    )
+    assert STATES[ride.report["state"]] == "running"
+    assert np.abs(ride.measured[-1] - GOAL).max() < NEAR_M
+
+
+def test_without_a_known_servo_the_law_does_not_start(bench: Replanning) -> None:
+    ride = replace(bench, kp=0.0).ride(bench.robot(), goals(), 10)
+    assert (STATES[ride.report["state"]], Status(ride.report["status"])) == (STOP, Status.SINGULAR)
+    assert not np.any(ride.axes("command"))
+    assert replace(bench, kp=0.0).twin(bench.robot(), goals(), 10).log == ride.log
 
 
 def test_a_solver_that_stops_is_followed_by_the_plan_and_then_by_the_stop(bench: Replanning) -> None:

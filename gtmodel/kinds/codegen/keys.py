@@ -13,8 +13,8 @@ from pydantic import Field, PositiveFloat
 from gtmodel import predictive
 from gtmodel.cgen import Verification
 from gtmodel.fmu.plant_unit import PlantUnit
+from gtmodel.loop.disturbed import Disturbances
 from gtmodel.loop.lead_through.options import Guiding
-from gtmodel.loop.plant import Disturbances
 from gtmodel.predictive.options import ControlHorizon, Measurement
 from gtmodel.problem_files.base import Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, made_from
