@@ -1,5 +1,5 @@
 """The law "predictive" of the loop on the L1 in C, over EGM, where something changes on the way: a goal moves, a wall
-comes closer, the motors' force drops to half.
+comes closer, the motors' force drops to half, a goal is out of reach.
 
 The model is problems/models/l1_cell.py. The robot is synthetic: a plate 20 % heavier than the model knows, two cycles
 of delay, encoder noise of 10 um (seed 1), an unknown force that drifts by 20 N/s, and motors that saturate.
@@ -38,6 +38,7 @@ HEAVIER, NOISE, DRIFT, SERVO = 0.2 * 9.13, 1e-5, 20.0, Servo()
 AT, CYCLES = 70, 750  # cycle of a change, cycles of a run: 3 s
 WALL_M_S = 0.2  # speed of the wall, which a plan does not know: it takes the wall to stand
 NEAR_M, WALL_M = 1e-4, 5e-3  # of the goal at the end; how far the wall may come past the tool
+STILL_M = 1e-5  # of the tool in a cycle
 MARGIN = 1.45  # forces that the servo may ask for, over their limit
 
 
@@ -82,6 +83,13 @@ def scenes() -> list[Scene]:
         Scene("one goal", plain), Scene("the goal is moved twice", moved), Scene("a wall comes closer", wall),
         Scene("half of the force", half, drop),
     ]  # fmt: skip
+
+
+def out_of_reach() -> Scene:
+    """A goal that the arms cannot reach, from the first goal on."""
+    rows = scenes()[0].rows
+    rows[100:, 1] = -5.0
+    return Scene("a goal out of reach", rows)
 
 
 @dataclass(frozen=True)
@@ -157,6 +165,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         cell = Cell(Path(name), controller())
         outcomes = [cell.run(scene) for scene in scenes()]
+        lost = cell.run(out_of_reach())
     heads = ("settled", "error", "planned", "asked", "beyond", "past wall", "iterations: mean, most", "unsolved")
     print(" " * 24, *heads, sep="  ")
     faults = 0
@@ -172,7 +181,10 @@ def main() -> int:
         good = one.error_m < NEAR_M and np.abs(one.planned).max() <= FORCE and one.behind_wall_m < WALL_M
         good &= STATES[one.report["state"]] == "running" and np.abs(one.asked[2 * AT :]).max() < MARGIN * limit
         faults += not good
-    return int(faults > 0)
+    stopped = STATES[lost.report["state"]] == "stopped" and np.abs(np.diff(lost.T[-20:], axis=0)).max() < STILL_M
+    ended, unsolved = STATES[lost.report["state"]], lost.report["plan_failed"]
+    print(f"a goal out of reach: {ended} after {unsolved} cycles without a solution")
+    return int(faults > 0 or not stopped or np.abs(lost.planned).max() > FORCE)
 
 
 if __name__ == "__main__":
