@@ -35,8 +35,8 @@ class FmuPlant:
         steps: communication steps per cycle; default 1, with forces the substeps of the servo.
         timeout: of a call of the FMU [s].
 
-    limit_N: largest force of each motor of `servo` [N], at which it saturates. force_N: what the servo asked for at
-    each step of the last cycle, (steps, carts).
+    limit_N: largest force of each motor of `servo` [N], at which it saturates; None with `command`. force_N: what the
+    servo asked for at each step of the last cycle, (steps, carts).
 
     Within a cycle the commanded position moves at the commanded speed from step to step. Values are converted to SI
     with the units of the description. Raises ArgumentError as `RunningUnit` does, and unless either command or force is
@@ -79,7 +79,7 @@ class FmuPlant:
             self._scales[name] = scaling(signals, QUANTITIES[name], (units or {}).get(name, ""), name)
         self.servo = servo or (Servo() if force else None)
         self.cycle_s = cycle_s
-        self.limit_N, self.force_N = np.inf, np.zeros((0, len(position)))
+        self.limit_N, self.force_N = (np.inf if force else None), np.zeros((0, len(position)))
         self.steps = steps or (self.servo.substeps if force and self.servo is not None else 1)
         self._check_step(cycle_s / self.steps)
         try:
@@ -115,7 +115,8 @@ class FmuPlant:
             now = u + k * h * du if k else u
             if servo is not None:
                 forces.append(np.asarray(servo.kp_N_m * (now - q) + servo.kd_N_s_m * (du - dq)))
-                inputs = {"force": np.clip(forces[-1], -self.limit_N, self.limit_N)}
+                limit = np.inf if self.limit_N is None else self.limit_N
+                inputs = {"force": np.clip(forces[-1], -limit, limit)}
             else:
                 inputs = {"command": now} | ({"command_speed": du} if "command_speed" in self._names else {})
             values = [(self._names[name], self._scales[name].own(np.asarray(x))) for name, x in inputs.items()]

@@ -11,6 +11,7 @@ import numpy as np
 
 from .._lazy import hint
 from ..results.options import Options, Unit, Within
+from ..results.refusal import ArgumentError
 
 if TYPE_CHECKING:
     from .plant import Plant, Servo
@@ -59,6 +60,8 @@ class DisturbedPlant:
 
     `forces_N`: what the servo asked for in each cycle, (substeps, n), if the plant has a servo.
 
+    Raises ArgumentError about `force_limit` for limits of a plant without a servo.
+
     >>> plant = gt.loop.DrivePlant([0.0, 0.1, 0.2], a=[0.0] * 3, b=[1.0] * 3, delay=1)
     >>> late = gt.loop.DisturbedPlant(plant, delay=1)
     >>> for _ in range(2):
@@ -72,6 +75,8 @@ class DisturbedPlant:
         self, plant: Plant, *, delay: int = 0, noise: float = 0.0, seed: int = 0, drift: float = 0.0,
         limits: Sequence[tuple[float, float]] = (), cycle_s: float = 0.004,
     ) -> None:  # fmt: skip
+        if limits and getattr(plant, "limit_N", None) is None:
+            raise ArgumentError("this plant has no servo whose forces could be limited; leave it out", "force_limit")
         self.plant, self.delay, self.noise, self.drift, self.cycle_s = plant, delay, noise, drift, cycle_s
         self.limits, self._random = sorted(limits), np.random.default_rng(seed)
         self._pipe: deque[tuple[np.ndarray, Sequence[float]]] = deque()

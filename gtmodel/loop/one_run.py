@@ -209,7 +209,8 @@ def driven(bench: Running, robot: RobotSide, options: Sequence[str]) -> tuple[Lo
 
 def _once(bench: Bench, label: str, *, active: bool) -> tuple[OneRun, bool, float]:
     plant, programme = _plant(bench), None
-    disturbed = bench.disturbances.around(plant, bench.servo, 1e-3 * CYCLE_MS)
+    with naming("disturbances."):
+        disturbed = bench.disturbances.around(plant, bench.servo, 1e-3 * CYCLE_MS)
     if bench.disturbances != Disturbances() or bench.law == "predictive":
         plant = disturbed
     if bench.elastic_Hz is not None:

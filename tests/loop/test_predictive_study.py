@@ -83,6 +83,15 @@ def test_planned_forces_hold_and_no_offset_remains(heavier: Model, folder: Path,
     assert log["iterations"].max() == s.iterations_largest
 
 
+def test_limits_of_a_plant_without_a_servo_are_refused(heavier: Model, generated: Path) -> None:
+    with pytest.raises(ArgumentError) as caught:
+        study(
+            heavier, generated, smooth(), peer="egm", seconds=0.1, in_lockstep=True,
+            disturbances=Disturbances(force_limit=FORCE),
+        )  # fmt: skip
+    assert caught.value.argument == "disturbances.force_limit"
+
+
 def test_goals_are_the_columns_of_the_reference(folder: Path, heavier: Model) -> None:
     plan = plan_of(manifest_of(folder), 3)
     assert plan is not None
