@@ -115,7 +115,8 @@ class Replanning:
     def robot(self, protocol: str = "egm", start: Sequence[float] = (0.0, 0.0, 0.0), **keys: Any) -> RobotSide:
         mine = {name: keys.pop(name) for name in ("mass", "servo") if name in keys}
         theirs = {name: keys.pop(name) for name in ("waits", "ends", "first_number", "first_ms") if name in keys}
-        plant = DisturbedPlant(CartPlant(start, **mine), **({"delay": 2} | keys))
+        disturbances: dict[str, Any] = {"delay": 2} | keys
+        plant = DisturbedPlant(CartPlant(start, **mine), **disturbances)
         return RobotSide(protocol, plant, **theirs)  # type: ignore[arg-type]
 
     def python_loop(self, protocol: str, goals: np.ndarray, law: Controller | None = None) -> PythonLoop:
