@@ -77,7 +77,7 @@ def run(
             robot = problem.model(job)  # pyright: ignore[reportAttributeAccessIssue]
             motion = partial(_motion, problem, robot, reference, job, generated)
             unit = problem.plant_unit(folder, plant, plant_timeout)  # pyright: ignore[reportAttributeAccessIssue]
-            options = options_of(problem, "lead_through") | {"plant": unit}
+            options = options_of(problem, "lead_through", "disturbances") | {"plant": unit}
             with job.under_way():
                 result = study(robot, folder, motion, built=target.path, **options, **arguments, **job.work())
         except ArgumentError as error:

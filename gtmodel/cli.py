@@ -495,7 +495,7 @@ def loop(
     peer: Annotated[str, typer.Option("--peer", metavar="egm|rsi", help="Protocol of the simulated controller.")],
     seconds: Annotated[float, typer.Option("--seconds", metavar="N", help="Length of each of the two runs.")],
     law: Annotated[
-        str, typer.Option(metavar="LAW", help="trajectory, dynamics, replay, path or lead_through.")
+        str, typer.Option(metavar="LAW", help="trajectory, dynamics, replay, path, lead_through or predictive.")
     ] = "trajectory",
     reference: Annotated[
         Path | None, typer.Option(metavar="CSV", help="Motion to follow: the reference.csv of gtmodel solve --out.")

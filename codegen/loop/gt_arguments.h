@@ -16,7 +16,7 @@ typedef struct gt_arguments {
     int has_limits;           /* lowest, highest and step were given */
     uint32_t port;
     uint32_t cycle_ms;
-    const char *law;          /* trajectory, dynamics, replay, path, lead_through */
+    const char *law;          /* trajectory, dynamics, replay, path, lead_through, predictive */
     int feedforward;
     int live;
     int lockstep;             /* cycles end with an empty datagram, not with time */

@@ -1,9 +1,11 @@
 /* gt_coast: see gt_coast.h. */
 #include "gt_coast.h"
 
+#include "gt_bounds.h"
 #include "gt_guard.h"
 
 #include <math.h>
+#include <stddef.h>
 
 #define GT_RAMP_MOST 100000U /* cycles */
 
@@ -23,8 +25,9 @@ static double gt_coast_cycle_s(const gt_loop *loop)
 void gt_coast_follow(gt_loop *loop, const gt_command *command)
 {
     const double seconds = (double)(uint32_t)gt_pace_moved(&loop->pace) * gt_coast_cycle_s(loop);
-    /* behind cycles without the law that way is a correction too, at which nothing may go on */
-    const int plain = (loop->pace.held == 0U) && (loop->pace.cycles <= 1U);
+    /* behind cycles without the law that way is a correction too, at which nothing may go on; nor at one that makes a
+     * force, as that of a plan does */
+    const int plain = (loop->pace.held == 0U) && (loop->pace.cycles <= 1U) && (loop->law.go_on == NULL);
     const gt_command before = loop->command;
     uint32_t n;
 
@@ -33,6 +36,14 @@ void gt_coast_follow(gt_loop *loop, const gt_command *command)
         loop->command.speed_m_s[n] = (command->position_m[n] - before.position_m[n]) / seconds;
         loop->going_m_s[n] = (plain != 0) ? loop->command.speed_m_s[n] : command->speed_m_s[n];
         loop->coasting_m[n] = 0.0;
+    }
+}
+
+static void gt_coast_way(gt_loop *loop, uint32_t n, double way)
+{
+    loop->coasting_m[n] += way;
+    if (loop->coasting_m[n] > loop->coasted_m) {
+        loop->coasted_m = loop->coasting_m[n];
     }
 }
 
@@ -54,11 +65,40 @@ void gt_coast(gt_loop *loop, const double *speed, double share)
 
         loop->command.position_m[n] = to;
         loop->command.speed_m_s[n] = (fabs(to - wanted) > 0.0) ? ((to - from) / seconds) : now;
-        loop->coasting_m[n] += fabs(loop->command.speed_m_s[n] * seconds);
-        if (loop->coasting_m[n] > loop->coasted_m) {
-            loop->coasted_m = loop->coasting_m[n];
-        }
+        gt_coast_way(loop, n, fabs(loop->command.speed_m_s[n] * seconds));
     }
+}
+
+/* Like a command that follows, in a cycle that brought nothing to answer. */
+static void gt_coast_planned(gt_loop *loop, const gt_command *command)
+{
+    const double seconds = gt_coast_cycle_s(loop);
+    const gt_command before = loop->command;
+    uint32_t n;
+
+    loop->command = *command;
+    for (n = 0U; n < loop->peer.axes; n++) {
+        const double way = command->position_m[n] - before.position_m[n];
+
+        loop->command.speed_m_s[n] = way / seconds;
+        loop->going_m_s[n] = command->speed_m_s[n];
+        gt_coast_way(loop, n, fabs(way));
+    }
+}
+
+int gt_coast_goes_on(gt_loop *loop)
+{
+    gt_command command = loop->command;
+    int given = 1;
+
+    if (loop->law.go_on == NULL) {
+        gt_coast(loop, loop->going_m_s, 1.0);
+    } else if ((loop->law.go_on(loop->law.state, &command) == GT_OK) && gt_bounds_allow(loop, &command)) {
+        gt_coast_planned(loop, &command);
+    } else {
+        given = 0;
+    }
+    return given;
 }
 
 /* Cycles of a ramp to zero: the fastest cart at the declared deceleration, and never fewer than that takes. */

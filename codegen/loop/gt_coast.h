@@ -15,6 +15,9 @@ void gt_coast_follow(gt_loop *loop, const gt_command *command);
  * was answered last: without answers a robot stands. From outside of the limits they go no further out. */
 void gt_coast(gt_loop *loop, const double *speed, double share);
 
+/* A cycle that brought nothing to answer: the last speed is held, or the law's plan followed; 0 where it has none. */
+int gt_coast_goes_on(gt_loop *loop);
+
 /* The ramp to zero starts at the speed at which the carts go on. */
 void gt_coast_begin_ramp(gt_loop *loop);
 

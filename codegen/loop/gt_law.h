@@ -42,6 +42,20 @@ typedef struct gt_command {
     int braking;                /* 1: the law brings the motion to its end, and its status says why */
 } gt_command;
 
+/* What a law with a plan logs; gtmodel/loop/process.py names the numbers. Failed, lost, refused and skipped count
+ * since the start. */
+#define GT_PLAN_ITERATIONS 0U
+#define GT_PLAN_COST 1U
+#define GT_PLAN_RESIDUAL 2U
+#define GT_PLAN_ACTIVE 3U  /* a bit for each limit that is active in the plan */
+#define GT_PLAN_FAILED 4U  /* cycles without a solution */
+#define GT_PLAN_LOST 5U    /* cycles without a reading that could be used */
+#define GT_PLAN_REFUSED 6U /* rows of goals that could not be used */
+#define GT_PLAN_SKIPPED 7U /* cycles of the robot that the loop did not go through */
+#define GT_PLAN_PREDICTED 8U /* carts at this reading, as they were predicted */
+#define GT_PLAN_FORCE (GT_PLAN_PREDICTED + GT_AXES) /* of the plan */
+#define GT_LAW_NUMBERS (GT_PLAN_FORCE + GT_AXES)
+
 /* A law: `state` belongs to the caller. Each function returns GT_OK or why it cannot go on; then the loop holds. */
 typedef struct gt_law {
     void *state;
@@ -51,8 +65,12 @@ typedef struct gt_law {
     /* each cycle; elapsed_ms since the first on the robot's clock. Writes the command only with GT_OK, or
      * with another status a command that brakes: it counts too, and the loop stops when its speeds are zero. */
     gt_status (*step)(void *state, const gt_feedback *feedback, uint64_t elapsed_ms, gt_command *command);
+    /* in a cycle that brought nothing that step could answer: the command of a plan, with GT_OK; NULL: no plan, and
+     * the last speed is held. Without a command of the plan the loop ramps to a stop at once. */
+    gt_status (*go_on)(void *state, gt_command *command);
     /* once, at the end */
     void (*term)(void *state);
+    const double *numbers; /* GT_LAW_NUMBERS for the log, or NULL */
 } gt_law;
 
 #ifdef __cplusplus

@@ -67,6 +67,8 @@ gt_law gt_law_dynamics_of(gt_law_dynamics *state)
     law.reads_wrenches = 0;
     law.init = gt_dynamics_init;
     law.step = gt_dynamics_step;
+    law.go_on = NULL;
     law.term = gt_dynamics_term;
+    law.numbers = NULL;
     return law;
 }

@@ -120,6 +120,8 @@ gt_law gt_law_lead_through_of(gt_law_lead_through *state)
     law.reads_wrenches = 1;
     law.init = gt_lead_init;
     law.step = gt_lead_step;
+    law.go_on = NULL;
     law.term = gt_lead_term;
+    law.numbers = NULL;
     return law;
 }

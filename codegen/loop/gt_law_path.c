@@ -65,6 +65,8 @@ gt_law gt_law_path_of(gt_law_path *state)
     law.reads_wrenches = 0;
     law.init = gt_path_init;
     law.step = gt_path_step;
+    law.go_on = NULL;
     law.term = gt_path_term;
+    law.numbers = NULL;
     return law;
 }

@@ -1,6 +1,8 @@
 /* gt_law_replay: see gt_law_replay.h. */
 #include "gt_law_replay.h"
 
+#include <stddef.h>
+
 static gt_status gt_replay_init(void *state, const gt_feedback *first)
 {
     const gt_law_replay *law = (const gt_law_replay *)state;
@@ -49,6 +51,8 @@ gt_law gt_law_replay_of(gt_law_replay *state)
     law.reads_wrenches = 0;
     law.init = gt_replay_init;
     law.step = gt_replay_step;
+    law.go_on = NULL;
     law.term = gt_replay_term;
+    law.numbers = NULL;
     return law;
 }

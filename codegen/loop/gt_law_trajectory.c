@@ -2,6 +2,7 @@
 #include "gt_law_trajectory.h"
 
 #include <math.h>
+#include <stddef.h>
 
 static gt_status gt_trajectory_init(void *state, const gt_feedback *first)
 {
@@ -70,6 +71,8 @@ gt_law gt_law_trajectory_of(gt_law_trajectory *state)
     law.reads_wrenches = 0;
     law.init = gt_trajectory_init;
     law.step = gt_trajectory_step;
+    law.go_on = NULL;
     law.term = gt_trajectory_term;
+    law.numbers = NULL;
     return law;
 }

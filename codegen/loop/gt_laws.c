@@ -33,6 +33,14 @@ int gt_laws_choose(gt_laws *laws, const gt_arguments *arguments, const gt_laws_t
     laws->lead_through.numbers = tables->gains;
     laws->lead_through.cycle_ms = arguments->cycle_ms;
     laws->lead_through.hold_cycles = arguments->hold_cycles;
+    laws->predictive.goals = tables->reference;
+    laws->predictive.model = &gt_loop_model;
+    laws->predictive.plan = tables->plan;
+    laws->predictive.sends_speed = laws->dynamics.sends_speed;
+    laws->predictive.cycle_ms = arguments->cycle_ms;
+    laws->predictive.hold_cycles = arguments->hold_cycles;
+    gt_copy(laws->predictive.kp_N_m, arguments->kp_N_m, (int)GT_AXES);
+    gt_copy(laws->predictive.kd_N_s_m, arguments->kd_N_s_m, (int)GT_AXES);
     if ((strcmp(arguments->law, "lead_through") == 0) && (tables->gains.rows != NULL)) {
         *law = gt_law_lead_through_of(&laws->lead_through);
     } else if (tables->reference.rows == NULL) {
@@ -43,6 +51,8 @@ int gt_laws_choose(gt_laws *laws, const gt_arguments *arguments, const gt_laws_t
         *law = gt_law_dynamics_of(&laws->dynamics);
     } else if ((strcmp(arguments->law, "replay") == 0) && (tables->corrections.rows != NULL)) {
         *law = gt_law_replay_of(&laws->replay);
+    } else if (strcmp(arguments->law, "predictive") == 0) {
+        *law = gt_law_predictive_of(&laws->predictive);
     } else if (strcmp(arguments->law, "path") == 0) {
         *law = gt_law_path_of(&laws->path);
     } else {

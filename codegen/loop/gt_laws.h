@@ -6,6 +6,7 @@
 #include "gt_law_dynamics.h"
 #include "gt_law_lead_through.h"
 #include "gt_law_path.h"
+#include "gt_law_predictive.h"
 #include "gt_law_replay.h"
 #include "gt_law_trajectory.h"
 
@@ -23,13 +24,15 @@ typedef struct gt_laws {
     gt_law_replay replay;
     gt_law_path path;
     gt_law_lead_through lead_through;
+    gt_law_predictive predictive;
 } gt_laws;
 
-/* Tables of the laws; without rows where they were not given. */
+/* Tables of the laws; without rows where they were not given. plan: memory of gt_loop_model.plan, or NULL. */
 typedef struct gt_laws_tables {
     gt_traj reference;
     gt_traj corrections;
     gt_traj gains;
+    void *plan;
 } gt_laws_tables;
 
 /* The law of arguments->law; 0 if there is none, or if it lacks its table. */

@@ -140,14 +140,13 @@ static int gt_loop_law(gt_loop *loop)
     return given;
 }
 
-/* Hold last, then ramp to stop. */
+/* Hold last or follow the plan, then ramp to stop. */
 static void gt_loop_miss(gt_loop *loop)
 {
     loop->misses++;
     loop->pace.held++;
-    if (loop->misses <= loop->settings.hold_cycles) {
+    if ((loop->misses <= loop->settings.hold_cycles) && gt_coast_goes_on(loop)) {
         loop->state = GT_LOOP_HOLDING;
-        gt_coast(loop, loop->going_m_s, 1.0);
     } else {
         gt_coast_begin_ramp(loop);
     }

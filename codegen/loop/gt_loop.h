@@ -2,9 +2,10 @@
  *
  * The robot is the clock. Of the datagrams of a cycle the newest counts; without one the last speed is held for some
  * cycles, then it is ramped to zero, and the loop stays stopped. The same for a law that fails and for a clock that
- * stands or goes back. The ramp begins at once for a command outside the limits, a robot that runs no more or whose
- * motors are off, a clock that disagrees with the numbers (gt_pace.h), and carts that do not follow. A law may brake by
- * itself; without a datagram the ramp takes over. Nothing is allocated, nothing waits.
+ * stands or goes back. In place of holding, a law that has a plan goes on with it, and the ramp begins where the plan
+ * ends. The ramp begins at once for a command outside the limits, a robot that runs no more or whose motors are off, a
+ * clock that disagrees with the numbers (gt_pace.h), and carts that do not follow. A law may brake by itself; without a
+ * datagram the ramp takes over. Nothing is allocated, nothing waits.
  *
  * Whatever comes in: no command is further than limits.step_m from the one before it and from the last one that was
  * answered, and the speed beside a position is the way from the position before it over the time between the two.
@@ -48,7 +49,7 @@ typedef struct gt_loop_settings {
 } gt_loop_settings;
 
 /* Numbers of a record: what gtmodel/loop/process.py names. */
-#define GT_RECORD_COLUMNS 39U
+#define GT_RECORD_COLUMNS (39U + GT_LAW_NUMBERS)
 
 typedef struct gt_loop {
     gt_loop_settings settings;

@@ -12,7 +12,7 @@
 #include <string.h>
 #include <sys/mman.h>
 
-#define GT_STACK 131072U
+#define GT_STACK 1048576U
 #define GT_PAGE 1024U
 
 static void gt_realtime_touch_stack(void)

@@ -3,6 +3,8 @@
 
 #include "gt_guard.h"
 
+#include <stddef.h>
+
 /* FNV-1a, so that a log says which bytes were sent. */
 static uint32_t gt_record_hash(const uint8_t *data, uint32_t length)
 {
@@ -44,4 +46,7 @@ void gt_record(gt_loop *loop, const uint8_t *answer, uint32_t length)
     r[36] = (double)loop->settings.dry;
     r[37] = (double)loop->pace.faults;
     r[38] = (double)loop->apart;
+    if (loop->law.numbers != NULL) {
+        gt_copy(&r[39], loop->law.numbers, (int)GT_LAW_NUMBERS);
+    }
 }

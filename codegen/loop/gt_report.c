@@ -2,6 +2,7 @@
 #include "gt_run.h"
 
 #include <inttypes.h>
+#include <stddef.h>
 #include <stdio.h>
 
 #define GT_REFUSED 2
@@ -60,6 +61,12 @@ void gt_report(const gt_run *run, int log_complete)
                  run->log.dropped, log_complete);
     (void)printf(", \"clock_faults\": %" PRIu64 ", \"following_faults\": %" PRIu64 ", \"coasted_m\": %.17g",
                  loop->pace.faults, loop->apart, loop->coasted_m);
+    if (loop->law.numbers != NULL) {
+        const double *n = loop->law.numbers;
+
+        (void)printf(", \"plan_failed\": %.0f, \"plan_lost\": %.0f, \"plan_refused\": %.0f, \"plan_skipped\": %.0f",
+                     n[GT_PLAN_FAILED], n[GT_PLAN_LOST], n[GT_PLAN_REFUSED], n[GT_PLAN_SKIPPED]);
+    }
     gt_report_histogram("reply", &run->reply);
     gt_report_histogram("period", &run->period);
     gt_report_histogram("compute", &run->compute);

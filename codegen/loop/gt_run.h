@@ -23,6 +23,7 @@ typedef struct gt_run {
     gt_table corrections;
     gt_table gains;
     gt_laws laws;
+    void *plan; /* memory of gt_loop_model.plan, or NULL */
     gt_loop loop;
     gt_log log;
     gt_log_writer writer;

@@ -35,6 +35,9 @@ class FmuPlant:
         steps: communication steps per cycle; default 1, with forces the substeps of the servo.
         timeout: of a call of the FMU [s].
 
+    limit_N: largest force of each motor of `servo` [N], at which it saturates; None with `command`. force_N: what the
+    servo asked for at each step of the last cycle, (steps, carts).
+
     Within a cycle the commanded position moves at the commanded speed from step to step. Values are converted to SI
     with the units of the description. Raises ArgumentError as `RunningUnit` does, and unless either command or force is
     set, with one name per position; also for a duplicate variable, a missing unit or one of another dimension, and a
@@ -76,6 +79,7 @@ class FmuPlant:
             self._scales[name] = scaling(signals, QUANTITIES[name], (units or {}).get(name, ""), name)
         self.servo = servo or (Servo() if force else None)
         self.cycle_s = cycle_s
+        self.limit_N, self.force_N = (np.inf if force else None), np.zeros((0, len(position)))
         self.steps = steps or (self.servo.substeps if force and self.servo is not None else 1)
         self._check_step(cycle_s / self.steps)
         try:
@@ -106,17 +110,20 @@ class FmuPlant:
         measured = [name for name in ("position", "speed") if name == "position" or servo is not None]
         outputs = [variable for name in measured for variable in self._names[name]]
         q, dq = (self._read("position"), self._read("speed")) if servo is not None else (self.position_m, du)
+        forces: list[np.ndarray] = []
         for k in range(self.steps):
             now = u + k * h * du if k else u
             if servo is not None:
-                inputs = {"force": servo.kp_N_m * (now - q) + servo.kd_N_s_m * (du - dq)}
+                forces.append(np.asarray(servo.kp_N_m * (now - q) + servo.kd_N_s_m * (du - dq)))
+                limit = np.inf if self.limit_N is None else self.limit_N
+                inputs = {"force": np.clip(forces[-1], -limit, limit)}
             else:
                 inputs = {"command": now} | ({"command_speed": du} if "command_speed" in self._names else {})
             values = [(self._names[name], self._scales[name].own(np.asarray(x))) for name, x in inputs.items()]
             results = np.split(self.unit.advance(values, h, outputs), len(measured))
             q, *rest = (self._scales[name].si(x) for name, x in zip(measured, results, strict=True))
             dq = rest[0] if rest else du
-        self.position_m = q
+        self.position_m, self.force_N = q, np.array(forces).reshape(-1, len(carts))
 
     def _read(self, name: str) -> np.ndarray:
         return self._scales[name].si(self.unit.get(self._names[name]))

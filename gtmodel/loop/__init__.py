@@ -1,11 +1,12 @@
 """The 4 ms control loop and its peers: EGM and RSI in Python, simulated controllers and plants, and the loop itself.
 
 study: run the loop of a generated folder against a simulated controller, without and with its law -> LoopStudy; with
-the law lead_through a hand leads the tool over a synthetic plate -> GuidedLoop.
+the law predictive beside computed torque -> PredictiveLoop; with the law lead_through a hand leads the tool over a
+synthetic plate -> GuidedLoop.
 
 Build and run: build -> program, LoopProcess, lockstep, real_time. Peers: RobotSide with a DrivePlant or a
-RigidBodyPlant, optionally inside an ElasticPlant; Channel with Faults. The loop in Python: PythonLoop with one of the
-laws. Everything was tested against simulators only.
+RigidBodyPlant, optionally inside an ElasticPlant or a DisturbedPlant; Channel with Faults. The loop in Python:
+PythonLoop with one of the laws. Everything was tested against simulators only.
 
 Lead-through: GuidingLaw uses the Wrenches of two sensors; Guiding declares the law, its SensorNumbers and a
 SyntheticScene, in which a SyntheticHand leads a ServoPlant over a plate (PlateScene).
@@ -17,6 +18,7 @@ from .._lazy import public
 
 if TYPE_CHECKING:
     from .build import build as build
+    from .disturbed import Disturbances as Disturbances, DisturbedPlant as DisturbedPlant
     from .exchange import Command as Command, Exchange as Exchange, RobotFeedback as RobotFeedback
     from .laws import (
         DynamicsLaw as DynamicsLaw,
@@ -41,6 +43,8 @@ if TYPE_CHECKING:
         RigidBodyPlant as RigidBodyPlant,
         Servo as Servo,
     )
+    from .predictive_law import PredictiveLaw as PredictiveLaw
+    from .predictive_result import PredictiveLoop as PredictiveLoop
     from .process import LoopError as LoopError, LoopProcess as LoopProcess
     from .python_loop import LoopLimits as LoopLimits, PythonLoop as PythonLoop, Settings as Settings
     from .robot_side import RobotSide as RobotSide

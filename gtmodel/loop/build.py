@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -48,9 +49,10 @@ def adapter(content: Mapping[str, Any], axes: int, joints: bool = False) -> str:
     carts = _function(content, *_CARTS)
     parts = [
         f"/* The functions of gt_{content['name']} that the laws of the loop call. Written by gtmodel. */\n",
-        f'#include "gt_{content["name"]}.h"\n#include "gt_laws.h"\n\n#include <stddef.h>\n\n',
+        f'#include "gt_{content["name"]}.h"\n#include "gt_laws.h"\n\n#include <math.h>\n#include <stddef.h>\n\n',
     ]
     names = {"forward": "NULL", "inverse_dynamics": "NULL", "carts": "NULL"}
+    plan = plan_of(content, axes)
     for name, function, arguments in (
         ("forward", forward, ("position_m", "tcp_m")),
         ("inverse_dynamics", dynamics, ("tcp_m", "tcp_m_s", "tcp_m_s2", "force_N")),
@@ -59,7 +61,10 @@ def adapter(content: Mapping[str, Any], axes: int, joints: bool = False) -> str:
         if function is not None:
             names[name] = f"gt_loop_model_{name}"
             parts.append(_call(names[name], function, arguments, content["real"]))
-    parts.append(f"const gt_robot_model gt_loop_model = {{{axes}U, {', '.join(names.values())}, {int(joints)}}};\n")
+    if plan is not None:
+        parts.append(_plan_text(plan, content["real"]))
+    table = f"{axes}U, {', '.join(names.values())}, {int(joints)}, {'NULL' if plan is None else '&gt_loop_model_plan'}"
+    parts.append(f"const gt_robot_model gt_loop_model = {{{table}}};\n")
     return "".join(parts)
 
 
@@ -140,6 +145,100 @@ def _stamped(program: Path, stamp: Path, source_hash: str) -> bool:
 
 def _hash(program: Path) -> str:
     return hashlib.sha256(program.read_bytes()).hexdigest()
+
+
+@dataclass(frozen=True)
+class GeneratedPlan:
+    """A predictive controller of a generated folder as the law of the loop uses it; see gt_robot_plan.
+
+    goals: (signal, member, size) of the references of one stage. rows: stages with references of their own, and the
+    end, or 1. stage_ms: length of a stage [ms]. limits: names, in the order of the bits that the law logs.
+    """
+
+    symbol: str
+    reading: str
+    outputs: Mapping[str, str]
+    goals: Sequence[tuple[str, str, int]]
+    rows: int
+    period_ms: int
+    stage_ms: int
+    delay: int
+    limits: Sequence[str]
+    max_iterations: int
+    scalars: frozenset[str]
+
+    @property
+    def columns(self) -> int:
+        """Numbers of a row of references."""
+        return sum(size for _, _, size in self.goals)
+
+
+GOALS_MOST, AHEAD_MOST = 1024, 17  # of gt_robot_model.h
+
+
+def plan_of(content: Mapping[str, Any], axes: int) -> GeneratedPlan | None:
+    """Return the first predictive controller of a manifest that reads the axes and returns what a loop sends."""
+    for step in content.get("steps", ()):
+        facts = step["facts"]
+        readings = [m for m in step["inputs"] if not m["signal"].endswith(".goal")]
+        if "limits" not in facts or len(readings) != 1 or readings[0]["count"] != axes:
+            continue
+        q = readings[0]["signal"]
+        wanted = {"position_m": q, "speed_m_s": f"der({q})", "acceleration_m_s2": f"der({q},2)",
+                  "force_N": f"{q[:-1]}tau"}  # fmt: skip
+        given = {m["signal"]: m["member"] for m in step["outputs"] if m["count"] == axes}
+        rows = facts["stages"] + 1 if facts["preview"] else 1
+        goals = [(m["signal"].removesuffix(".goal"), m["member"], m["count"] // rows) for m in step["inputs"]
+                 if m["signal"].endswith(".goal")]  # fmt: skip
+        times = [1e3 * step["period"], facts["length_ms"]]
+        whole = all(abs(t - round(t)) < 1e-9 * t for t in times[: 1 + facts["preview"]])
+        fits = set(wanted.values()) <= set(given) and rows * sum(g[2] for g in goals) <= GOALS_MOST and goals
+        if q.endswith("q") and fits and whole and facts["delay"] < AHEAD_MOST:
+            return GeneratedPlan(
+                step["symbol"], readings[0]["member"], {k: given[v] for k, v in wanted.items()}, goals, rows,
+                round(times[0]), round(times[1]) if facts["preview"] else 0, facts["delay"], facts["limits"],
+                facts["max_iterations"], frozenset(m["member"] for m in step["inputs"] if m["count"] == 1),
+            )  # fmt: skip
+    return None
+
+
+def _plan_text(plan: GeneratedPlan, real: str) -> str:
+    """Return the C text of the table gt_loop_model_plan and of its functions."""
+    symbol, narrow, wide = plan.symbol, *(("(float)", "(double)") if real == "float" else ("", ""))
+    place, lines = 0, list[str]()
+    for _, member, size in plan.goals:
+        for k in range(size):
+            at = "" if member in plan.scalars else f"[(row * {size}) + {k}]"
+            lines.append(f"        in.{member}{at} = {narrow}goals[(row * {plan.columns}) + {place + k}];\n")
+        place += size
+    results = "".join(
+        f"            cycle->{name}[k] = {wide}out.{member}[k];\n" for name, member in plan.outputs.items()
+    )
+    axes = "sizeof(in." + plan.reading + ") / sizeof(in." + plan.reading + "[0])"
+    active = (
+        f"        for (k = {len(plan.limits) - 1}; k >= 0; k--) {{\n"
+        "            cycle->active = (2.0 * cycle->active) + ((out.active[k] > 0) ? 1.0 : 0.0);\n        }\n"
+        if plan.limits
+        else ""
+    )
+    return (
+        "static gt_status gt_loop_model_begin(void *state)\n{\n"
+        f"    {symbol}_start start;\n\n    {symbol}_defaults(&start);\n"
+        f"    return {symbol}_init(({symbol}_state *)state, &start);\n}}\n\n"
+        "static gt_status gt_loop_model_step(void *state, const double *position_m, const double *goals, "
+        "gt_plan_cycle *cycle)\n{\n"
+        f"    {symbol}_in in;\n    {symbol}_out out;\n    gt_status status;\n    int row;\n    int k;\n\n"
+        f"    for (k = 0; k < (int)({axes}); k++) {{\n"
+        f"        in.{plan.reading}[k] = (position_m != NULL) ? {narrow}position_m[k] : {narrow}NAN;\n    }}\n"
+        f"    for (row = 0; row < {plan.rows}; row++) {{\n{''.join(lines)}    }}\n"
+        f"    status = {symbol}_step(({symbol}_state *)state, &in, &out);\n    if (status == GT_OK) {{\n"
+        f"        for (k = 0; k < (int)({axes}); k++) {{\n{results}        }}\n"
+        f"        cycle->cost = {wide}out.cost;\n        cycle->residual = {wide}out.residual;\n"
+        f"        cycle->active = 0.0;\n{active}        cycle->iterations = out.iterations;\n"
+        "        cycle->failed = out.failed;\n        cycle->lost = out.lost;\n    }\n    return status;\n}\n\n"
+        f"static const gt_robot_plan gt_loop_model_plan = {{sizeof({symbol}_state), {plan.columns}U, {plan.rows}U, "
+        f"{plan.period_ms}U, {plan.stage_ms}U, {plan.delay}U, gt_loop_model_begin, gt_loop_model_step}};\n\n"
+    )
 
 
 def _function(content: Mapping[str, Any], known: tuple[str, ...], targets: tuple[str, ...]) -> dict[str, Any] | None:

@@ -19,7 +19,8 @@ from ..results.disk import scratch
 from ..results.options import Within
 from ..results.refusal import naming
 from ..results.work import WorkOptions, study_function
-from .build import build, built_before
+from .build import GeneratedPlan, adapter, build, built_before, manifest_of, plan_of
+from .disturbed import Disturbances
 from .exchange import AXES, CYCLE_MS
 from .laws import ReferenceTable
 from .lead_through.options import Guiding
@@ -31,6 +32,7 @@ from .one_run import (
     LAWS,
     LONGEST_S,
     SLOWER,
+    WITH_SERVO,
     Bench,
     OneRun,
     Reference,
@@ -42,6 +44,7 @@ from .one_run import (
     turns,
 )
 from .plant import PlantSource, Servo
+from .predictive_result import PredictiveLoop, goals_of, quantities
 from .process import FULL, STATES, LoopError, trajectory_of
 
 LAGS = 1.5  # room for axes that are behind their command, over the lag at constant speed
@@ -134,7 +137,7 @@ def _back(motion: Trajectory, names: list[str], slower: float) -> np.ndarray:
 
 
 # largest ratio of the tracking errors with and without the law; path correction is slow and only has to help
-GAINS = {"trajectory": 0.5, "dynamics": 0.5, "replay": 0.5, "path": 1.0}
+GAINS = {"trajectory": 0.5, "dynamics": 0.5, "replay": 0.5, "path": 1.0, "predictive": 1.0}
 # tolerance between the start of a plant and of its reference: two kinematics may differ by rounding
 START_NEAR_M = 1e-6
 SYNTHETIC = "the plant is the {}: all measurements are synthetic"
@@ -148,8 +151,9 @@ def study(
     *,
     peer: Literal["egm", "rsi"],
     seconds: Annotated[float, Within(above=0.0, most=LONGEST_S)],
-    law: Literal["trajectory", "dynamics", "replay", "path", "lead_through"] = "trajectory",
+    law: Literal["trajectory", "dynamics", "replay", "path", "lead_through", "predictive"] = "trajectory",
     lead_through: Guiding | None = None,
+    disturbances: Disturbances | None = None,
     plant: PlantSource | None = None,
     in_lockstep: bool = False,
     elastic: Annotated[float | None, Within(least=ELASTIC_HZ[0], most=ELASTIC_HZ[1])] = None,
@@ -171,8 +175,11 @@ def study(
         seconds: duration of each of the two runs; with `in_lockstep` they go as fast as the machine allows.
         law: trajectory, dynamics, replay or path; the law chooses the plant: drives of eq. (6.11), or the rigid-body
             robot for `dynamics`. lead_through: a hand leads the tool over a synthetic plate, and in the second run a
-            sensor fails; the study is a `GuidedLoop`.
+            sensor fails; the study is a `GuidedLoop`. predictive: the predictive controller of the folder takes the
+            reference as its goals, beside computed torque; the study is a `PredictiveLoop`.
         lead_through: settings of that law, with the scene.
+        disturbances: delay, noise and further properties of the simulated robot. The law dynamics reads its reference
+            earlier by this delay; the controller of the law predictive declares its own.
         plant: replaces the plant that the law chooses, for example a functional mock-up unit, `gt.fmu.PlantUnit`. It
             must start where the reference does; the law dynamics must know the stiffness of its servo. If the plant
             fails on the way, the study has failed and keeps the measurements until then.
@@ -208,8 +215,8 @@ def study(
     joints = forward.inputs[0].shape[0] if turns(forward) else 0
     if forward.outputs[0].shape != (3,) or not (0 < joints <= AXES or forward.inputs[0].shape == (3,)):
         raise ArgumentError("expected a robot with T and three carts, or up to six joints that turn", "robot")
-    if joints and law not in ("trajectory", "dynamics"):
-        raise ArgumentError(f"the law {law} moves carts; joints have the laws trajectory and dynamics", "law")
+    if joints and law not in ("trajectory", *WITH_SERVO):
+        raise ArgumentError(f"the law {law} moves carts; joints have trajectory, dynamics and predictive", "law")
     known = None if plant is None else _known(plant, law, joints or 3)
     if law == "lead_through" and lead_through is None:
         raise ArgumentError("the law lead_through needs its settings: add a table [lead_through] to the problem", "law")
@@ -220,6 +227,7 @@ def study(
         if built is not None:
             built_before(Path(built), place)
         program = build(Path(folder), place, joints or 3, bool(joints))
+        planning = _planning(Path(folder), joints or 3) if law == "predictive" else None
         cycles = max(1, round(1000 * seconds / CYCLE_MS))
         try:
             if lead_through is not None and law == "lead_through":
@@ -246,18 +254,21 @@ def study(
                 (place / "reference.table").write_bytes(table.to_bytes())
                 lost = Stop.of(table.rows[:cycles], deceleration)
                 if following is None:
-                    behind = lag_of(joints or 3) * lost.speed_m_s if plant is None and law != "dynamics" else 0.0
+                    drives = plant is None and law not in WITH_SERVO
+                    behind = lag_of(joints or 3) * lost.speed_m_s if drives else 0.0
                     following = max(FOLLOWING_M, LAGS * behind)
                 bench = Bench(
                     peer, law, robot, forward, program, place, table, cycles, in_lockstep, elastic, lost, work, plant,
-                    following_m=following,
+                    following_m=following, disturbances=disturbances or Disturbances(),
                 )  # fmt: skip
+                if planning is not None:
+                    bench = replace(bench, goals=_goals(planning, table, bench.axes))
                 if joints:
                     bench = replace(bench, servo=joint_servo(robot, bench.carts_m[0]))
                 if known is not None:
                     _check_start(known, bench)
                     bench = replace(bench, servo=known.servo or bench.servo)
-                outcome = _compared(bench, _title_of(known, law), work.title)
+                outcome = _compared(bench, _title_of(known, law), work.title, planning)
         except LoopError as error:
             outcome = LoopStudy(status=SolveStatus.FAILED, message=str(error), title=work.title)
         if outcome.status is SolveStatus.INTERRUPTED:
@@ -292,9 +303,9 @@ def _known(plant: PlantSource, law: str, axes: int) -> PlantStart:
     known = PlantStart(title, np.array(first.position_m), getattr(first, "servo", None))
     if len(known.position_m) != axes:
         raise ArgumentError(f"expected {axes} carts; found {len(known.position_m)}", "plant.position")
-    if law == "dynamics" and known.servo is None:
+    if law in WITH_SERVO and known.servo is None:
         raise ArgumentError(
-            "the law dynamics needs the stiffness and damping of the servo inside the plant; add them",
+            f"the law {law} needs the stiffness and damping of the servo inside the plant; add them",
             "plant.stiffness",
         )
     return known
@@ -316,11 +327,34 @@ def _check_start(known: PlantStart, bench: Bench) -> None:
 def _title_of(known: PlantStart | None, law: str) -> str:
     """Return the name of the plant."""
     if known is None:
-        return "rigid body under a servo" if law == "dynamics" else "drives of eq. (6.11)"
+        return "rigid body under a servo" if law in WITH_SERVO else "drives of eq. (6.11)"
     return known.title
 
 
-def _compared(bench: Bench, plant: str, title: str) -> LoopStudy:
+def _planning(folder: Path, axes: int) -> GeneratedPlan:
+    """The predictive controller of a folder, beside what it is compared with. Raises ArgumentError."""
+    content = manifest_of(folder)
+    plan = plan_of(content, axes)
+    if plan is None or plan.period_ms != CYCLE_MS:
+        raise ArgumentError(
+            f"the folder has no predictive controller with a period of {CYCLE_MS} ms that measures q alone and returns "
+            "q, der(q), der(q,2) and tau; add such a table [[predictive]] to the problem", "folder",
+        )  # fmt: skip
+    if "gt_loop_model_inverse_dynamics" not in adapter(content, axes):
+        raise ArgumentError("computed torque, for comparison, needs a function from T to tau; add it", "folder")
+    return plan
+
+
+def _goals(plan: GeneratedPlan, table: ReferenceTable, axes: int) -> ReferenceTable:
+    rows = goals_of(plan, table.rows, axes)
+    if isinstance(rows, str):
+        raise ArgumentError(
+            f"a reference has no '{rows}', which the predictive controller takes as a goal", "reference"
+        )
+    return ReferenceTable(rows, table.step_ms)
+
+
+def _compared(bench: Bench, plant: str, title: str, planning: GeneratedPlan | None = None) -> LoopStudy:
     """Make and compare both runs; their logs are in the working folder. Raises LoopError."""
     runs: list[OneRun] = []
     for n, label in enumerate(LAWS[bench.law]):
@@ -339,7 +373,7 @@ def _compared(bench: Bench, plant: str, title: str) -> LoopStudy:
     for name, one in zip(("off", "on"), runs, strict=False):
         log = trajectory_of(
             one.log, bench.axes, 1e-3 * CYCLE_MS, title=f"{bench.peer}, {one.label}: log of the loop",
-            unit="rad" if bench.joints else "m",
+            unit="rad" if bench.joints else "m", limits=planning.limits if planning and one is runs[-1] else None,
         )  # fmt: skip
         log.to_csv(bench.place / f"loop_{name}.csv")
         state, why = STATES[one.report["state"]], Status(one.report["status"]).message
@@ -356,7 +390,11 @@ def _compared(bench: Bench, plant: str, title: str) -> LoopStudy:
         zip(STOP[bench.joints], (stop.deceleration_m_s2, stop.speed_m_s, stop.distance_m), strict=True)
     )
     message = f"{bench.peer} on loopback, {timing}; tested against simulators only"
-    return LoopStudy(
+    kind: Any = LoopStudy
+    if planning is not None and len(runs) == len(LAWS[bench.law]):
+        more, judged = quantities(bench, runs, planning)
+        kind, numbers, checks = PredictiveLoop, numbers | more, checks | judged
+    return kind(
         status=SolveStatus.FAILED if last.stopped else SolveStatus.SOLVED,
         message=f"{last.label}: {last.stopped}" if last.stopped else message,
         title=title,

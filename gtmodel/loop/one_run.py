@@ -16,6 +16,7 @@ from ..lang import Model
 from ..results import Status, Trajectory, Work
 from ..results.refusal import naming
 from ..robots import actuator_closed_loop
+from .disturbed import Disturbances
 from .exchange import CYCLE_MS
 from .laws import ReferenceTable
 from .plant import DrivePlant, ElasticPlant, Plant, PlantSource, PlantStopped, RigidBodyPlant, Servo
@@ -31,12 +32,14 @@ LAWS = {
     "dynamics": ("the reference alone", "with inverse-dynamics feedforward"),
     "replay": ("the reference alone", "with a learned table"),
     "path": ("the programme alone", "with path correction"),
+    "predictive": ("computed torque", "an optimum in every cycle"),
 }
+WITH_SERVO = ("dynamics", "predictive")  # laws for a robot whose servo is known
 LONGEST_S = 3600.0
 # frequency range and damping of an arm on springs; no values of the prototype are published
 ELASTIC_HZ, ELASTIC_DAMPING = (0.5, 1000.0), 0.05
 # path correction integrates, which is slow compared with a time-optimal motion
-SLOWER = {"path": 10.0}
+SLOWER = {"path": 10.0, "predictive": 1.2}
 # default of the C program
 HOLD_CYCLES = 5
 # distance of a cart from its last command: a slow drive under its inverse lags further than a real robot would allow
@@ -73,6 +76,7 @@ class Bench:
     program: the loop, built in `place`, the working folder that only this user can write. elastic_Hz: frequency of an
     arm on springs; None: rigid. plant: source of the plant of a run; None: the law chooses. servo: the servo as the law
     dynamics knows it. following_m: largest distance of a cart from its last command [m].
+    disturbances: of the plant. goals: of the law predictive, every 4 ms.
     """
 
     peer: Peer
@@ -90,6 +94,8 @@ class Bench:
     plant: PlantSource | None = None
     servo: Servo = field(default_factory=Servo)
     following_m: float = FOLLOWING_M
+    disturbances: Disturbances = field(default_factory=Disturbances)
+    goals: ReferenceTable | None = None
 
     @property
     def axes(self) -> int:
@@ -145,7 +151,8 @@ class Running(Protocol):
 class OneRun:
     """One run: log, report and printed text of the loop; measured carts and tool centre point (cycles, 3) [m].
 
-    stopped, stopped_s: why and when [s] the plant failed on the way; the arrays end there.
+    forces_N: what the servo asked for, (substeps of all cycles, n); empty without a servo. stopped, stopped_s: why and
+    when [s] the plant failed on the way; the arrays end there.
     """
 
     label: str
@@ -154,6 +161,7 @@ class OneRun:
     printed: str
     carts_m: np.ndarray
     tcp_m: np.ndarray
+    forces_N: np.ndarray
     stopped: str = ""
     stopped_s: float | None = None
 
@@ -201,6 +209,10 @@ def driven(bench: Running, robot: RobotSide, options: Sequence[str]) -> tuple[Lo
 
 def _once(bench: Bench, label: str, *, active: bool) -> tuple[OneRun, bool, float]:
     plant, programme = _plant(bench), None
+    with naming("disturbances."):
+        disturbed = bench.disturbances.around(plant, bench.servo, 1e-3 * CYCLE_MS)
+    if bench.disturbances != Disturbances() or bench.law == "predictive":
+        plant = disturbed
     if bench.elastic_Hz is not None:
         plant = ElasticPlant(plant, bench.elastic_Hz, ELASTIC_DAMPING, 1e-3 * CYCLE_MS)
     if bench.law == "path":
@@ -211,7 +223,8 @@ def _once(bench: Bench, label: str, *, active: bool) -> tuple[OneRun, bool, floa
     options = [*_options(bench, active), "--deceleration", repr(bench.stop.deceleration_m_s2), "--log", str(log)]
     done, report, printed = driven(bench, robot, options)
     carts, tcp, why, when = _until(done, *bench.forward(done.arm_m))
-    one = OneRun(label, log.read_bytes(), report, printed, carts, tcp, why, when)
+    forces = np.concatenate([np.zeros((0, bench.axes)), *disturbed.forces_N])
+    one = OneRun(label, log.read_bytes(), report, printed, carts, tcp, forces, why, when)
     return one, one.going or bool(why), done.longest_gap_s
 
 
@@ -239,10 +252,10 @@ def _plant(bench: Bench) -> Plant:
     if bench.plant is not None:
         return plant_at_start(bench.plant)
     start = bench.carts_m[0]
-    if bench.law == "dynamics" and bench.joints:
+    if bench.law in WITH_SERVO and bench.joints:
         forward = compile_causal(bench.robot, known="tau", targets="der(q,2)", prefer="q")
         return RigidBodyPlant(forward, None, start.tolist(), bench.servo, CYCLE_MS / 1000.0)
-    if bench.law == "dynamics":
+    if bench.law in WITH_SERVO:
         forward = compile_causal(bench.robot, known="tau", targets="der(T,2)", prefer="T")
         velocity = compile_causal(bench.robot, known="T", targets=["q", "der(q)"])
         return RigidBodyPlant(forward, velocity, bench.tcp_m[0].tolist(), Servo(), CYCLE_MS / 1000.0)
@@ -290,10 +303,17 @@ def _options(bench: Bench, active: bool) -> list[str]:
     highest = bench.carts_m.max(axis=0) + REACH_LIMIT_M
     table = str(bench.place / "reference.table")
     law = bench.law if active or bench.law in ("dynamics", "path") else "trajectory"
+    law = "dynamics" if bench.law == "predictive" and not active else law
+    if law == "predictive":
+        assert bench.goals is not None
+        table = str(bench.place / "goals.table")
+        Path(table).write_bytes(bench.goals.to_bytes())
+    # a position sent without a speed is held for a cycle: half a cycle of lead centres it
+    lead_ms = (0 if bench.peer == "egm" else CYCLE_MS // 2) + CYCLE_MS * bench.disturbances.delay
     options = {
         "--peer": bench.peer,
         "--law": law,
-        "--feedforward": "on" if active else "off",
+        "--feedforward": "on" if active or bench.law == "predictive" else "off",
         "--reference": table,
         "--cycle-ms": str(CYCLE_MS),
         "--hold": str(HOLD_CYCLES),
@@ -308,8 +328,7 @@ def _options(bench: Bench, active: bool) -> list[str]:
         "--b": _text(drives["b"]),
         "--kp": _text(np.broadcast_to(servo.kp_N_m, bench.axes)),
         "--kd": _text(np.broadcast_to(servo.kd_N_s_m, bench.axes)),
-        # a position sent without a speed is held for a cycle: half a cycle of lead centres it
-        "--lead-ms": "0" if bench.peer == "egm" else str(CYCLE_MS // 2),
+        "--lead-ms": str(lead_ms),
         "--gain": repr(PATH_GAIN_PER_S if active else 0.0),
     }
     if law == "replay":

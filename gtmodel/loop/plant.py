@@ -97,6 +97,9 @@ class RigidBodyPlant:
         start: T or q at the start, at rest [m, rad]; the robot sags until its servo makes the holding force.
         servo: gains and substeps.
         cycle_s: cycle [s].
+
+    limit_N: largest force of each motor [N, N m], at which it saturates. force_N: what the servo asked for at each
+    substep of the last cycle, (substeps, n).
     """
 
     def __init__(
@@ -109,6 +112,7 @@ class RigidBodyPlant:
     ) -> None:
         self.servo = servo or Servo()
         self._step, self._carts = _cycle(forward_dynamics, velocity, self.servo, cycle_s)
+        self.limit_N, self.force_N = math.inf, np.zeros((0, len(start)))
         self._state = np.concatenate([start, np.zeros(len(start))])
         self.position_m = np.array(self._carts(self._state)).ravel()
 
@@ -125,7 +129,8 @@ class RigidBodyPlant:
     def step(self, position_m: Sequence[float], speed_m_s: Sequence[float]) -> None:
         n = len(self.position_m)
         u, du = _per_cart(position_m, n, "position_m"), _per_cart(speed_m_s, n, "speed_m_s")
-        self._state = np.array(self._step(self._state, u, du)).ravel()
+        state, force = (np.array(v) for v in self._step(self._state, u, du, self.limit_N))
+        self._state, self.force_N = state.ravel(), force.T
         self.position_m = np.array(self._carts(self._state)).ravel()
 
 
@@ -176,23 +181,31 @@ def _per_cart(values: Sequence[float], carts: int, argument: str) -> np.ndarray:
 def _cycle(
     forward: CausalFunction, velocity: CausalFunction | None, servo: Servo, cycle_s: float
 ) -> tuple[ca.Function, ca.Function]:
-    """Return (state, u, du) -> state after a cycle, with fourth-order Runge-Kutta, and state -> carts."""
+    """Return (state, u, du, limit) -> state after a cycle, with fourth-order Runge-Kutta, and the forces that the servo
+    asks for; and state -> carts."""
     size = forward.outputs[0].shape[0]
     x, u, du, t = ca.SX.sym("x", 2 * size), ca.SX.sym("u", size), ca.SX.sym("du", size), ca.SX.sym("t")
     state = {0: x[:size], 1: x[size:]}
     q, dq = (x[:size], x[size:]) if velocity is None else _call(velocity, state)
-    tau = ca.DM(servo.kp_N_m) * (u + t * du - q) + ca.DM(servo.kd_N_s_m) * (du - dq)
-    (acceleration,) = _call(forward, state, tau)
-    rate = ca.Function("rate", [x, u, du, t], [ca.vertcat(x[size:], acceleration)])
-    h, state = cycle_s / servo.substeps, x
+    wanted = ca.DM(servo.kp_N_m) * (u + t * du - q) + ca.DM(servo.kd_N_s_m) * (du - dq)
+    limit = ca.SX.sym("limit")
+    (acceleration,) = _call(forward, state, ca.fmin(ca.fmax(wanted, -limit), limit))
+    motion = ca.Function("rate", [x, u, du, t, limit], [ca.vertcat(x[size:], acceleration), wanted])
+    h, state, forces = cycle_s / servo.substeps, x, []
+
+    def rate(x: ca.SX, u: ca.SX, du: ca.SX, t: float) -> ca.SX:
+        return motion(x, u, du, t, limit)[0]
+
     for n in range(servo.substeps):
         time = n * h
+        forces.append(motion(state, u, du, time, limit)[1])
         k1 = rate(state, u, du, time)
         k2 = rate(state + h / 2 * k1, u, du, time + h / 2)
         k3 = rate(state + h / 2 * k2, u, du, time + h / 2)
         k4 = rate(state + h * k3, u, du, time + h)
         state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    return ca.Function("cycle", [x, u, du], [state]), ca.Function("carts", [x], [q])
+    cycle = ca.Function("cycle", [x, u, du, limit], [state, ca.horzcat(*forces)])
+    return cycle, ca.Function("carts", [x], [q])
 
 
 def _call(function: CausalFunction, state: dict[int, ca.SX], tau: ca.SX | None = None) -> list[ca.SX]:

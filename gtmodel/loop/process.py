@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import select
 import socket
 import subprocess
@@ -17,6 +18,7 @@ import numpy as np
 from ..results import Trajectory
 from .egm import DATAGRAM_MAX
 from .exchange import AXES
+from .predictive_law import PLAN_COLUMNS, PLAN_COUNTERS
 
 STATES = ("waiting", "running", "holding", "ramping", "stopped", "braking")
 COUNTERS = ("late", "lost", "repeated", "reordered", "stale", "garbage")
@@ -38,6 +40,7 @@ COLUMNS = (
     *(f"path[{n}]" for n in range(3)),
     "dry",
     *WATCHES,
+    *PLAN_COLUMNS,
 )
 
 
@@ -49,16 +52,29 @@ def rows_of(log: bytes) -> np.ndarray:
     return np.frombuffer(log, dtype="<f8").reshape(-1, len(COLUMNS))
 
 
-def trajectory_of(log: bytes, axes: int, cycle_s: float, title: str = "", unit: str = "m") -> Trajectory:
-    """Return a log over the cycles of the loop: measured and commanded carts [m] or joints [rad], state and
-    counters."""
+def trajectory_of(
+    log: bytes, axes: int, cycle_s: float, title: str = "", unit: str = "m", limits: Sequence[str] | None = None
+) -> Trajectory:
+    """Return a log over the cycles of the loop: measured and commanded carts [m] or joints [rad], state and counters.
+
+    limits: names of the limits of a plan; adds its numbers, with `active_NAME` 1 where a limit is active in the plan.
+    """
     rows = rows_of(log)
     column = {name: rows[:, n] for n, name in enumerate(COLUMNS)}
     units = {"measured": unit, "command": unit, "speed": f"{unit}/s"}
     values = {name: np.stack([column[f"{name}[{n}]"] for n in range(axes)], axis=1) for name in units}
     integers = ("state", *COUNTERS, *WATCHES)
     values |= {name: column[name] for name in integers}
-    return Trajectory(cycle_s * (column["cycle"] - 1), values, units | dict.fromkeys(integers, "1"), title=title)
+    units |= dict.fromkeys(integers, "1")
+    if limits is not None:
+        more = {"predicted": unit, "force": "N" if unit == "m" else "N.m"}
+        values |= {name: np.stack([column[f"{name}[{n}]"] for n in range(axes)], axis=1) for name in more}
+        plain = ("iterations", "cost", "kkt_residual", *PLAN_COUNTERS)
+        bits = column["active"].astype(np.int64)
+        named = {f"active_{re.sub(r'[^0-9A-Za-z]+', '_', name)}": bits >> k & 1 for k, name in enumerate(limits)}
+        values |= {name: column[name] for name in plain} | {name: flag.astype(float) for name, flag in named.items()}
+        units |= more | dict.fromkeys([*plain, *named], "1")
+    return Trajectory(cycle_s * (column["cycle"] - 1), values, units, title=title)
 
 
 SECONDS = 10.0

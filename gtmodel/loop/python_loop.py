@@ -12,6 +12,7 @@ from ..results.status import Status
 from .egm import DATAGRAM_MAX
 from .exchange import AXES, Command, Exchange, RobotFeedback
 from .laws import LoopLaw
+from .predictive_law import PLAN_COLUMNS, PredictiveLaw
 from .process import COLUMNS
 
 SKEW_MOST = 1_000_000  # ms: larger differences are clipped
@@ -196,6 +197,7 @@ class PythonLoop:
 
     def __init__(self, settings: Settings, peer: Exchange, law: LoopLaw) -> None:
         self.settings, self.peer, self.law = settings, peer, law
+        self.plan = law if isinstance(law, PredictiveLaw) else None
         peer.reads_wrenches = law.reads_wrenches
         self.sequence = Sequence()
         self.state, self.status = WAITING, Status.STALE_INPUT
@@ -323,8 +325,9 @@ class PythonLoop:
     def _follow(self, command: Command) -> None:
         """Adopt the law's command; replace its speeds by distance over the time that the robot has for it."""
         before, seconds = self.command.position_m, float(self.pace.moved) * self._cycle_s
-        # after cycles without the law the distance includes a correction: do not hold that speed
-        plain = self.pace.held == 0 and self.pace.cycles <= 1
+        # after cycles without the law the distance includes a correction: do not hold that speed; nor one that makes
+        # a force, as that of a plan does
+        plain = self.pace.held == 0 and self.pace.cycles <= 1 and self.plan is None
         self.command = command
         for n in range(self.peer.axes):
             stated = command.speed_m_s[n]
@@ -372,11 +375,26 @@ class PythonLoop:
     def _miss(self) -> None:
         self.misses += 1
         self.pace.held += 1
-        if self.misses <= self.settings.hold_cycles:
+        if self.misses <= self.settings.hold_cycles and self._goes_on():
             self.state = HOLDING
-            self._coast(self.going_m_s, 1.0)
         else:
             self._begin_ramp()
+
+    def _goes_on(self) -> bool:
+        """Hold the last speed, or follow the plan of a law that has one; return whether there still is one."""
+        if self.plan is None:
+            self._coast(self.going_m_s, 1.0)
+            return True
+        command, before = self.command.copy(), self.command.position_m
+        if self.plan.go_on(command) is not Status.OK or not self._allowed(command):
+            return False
+        self.command = command
+        for n in range(self.peer.axes):
+            way = command.position_m[n] - before[n]
+            self.going_m_s[n], command.speed_m_s[n] = command.speed_m_s[n], way / self._cycle_s
+            self.coasting_m[n] += abs(way)
+            self.coasted_m = max(self.coasted_m, self.coasting_m[n])
+        return True
 
     def _begin_ramp(self) -> None:
         self.state = RAMPING
@@ -420,6 +438,7 @@ class PythonLoop:
             *self.command.speed_m_s,
             *self.command.path_m,
             *(self.settings.dry, self.pace.faults, self.apart),
+            *([0.0] * len(PLAN_COLUMNS) if self.plan is None else self.plan.numbers),
         ]
         self.log += struct.pack(f"<{len(COLUMNS)}d", *numbers)
 

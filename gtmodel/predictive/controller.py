@@ -170,6 +170,7 @@ class Controller(StepFunction, Portable):
         n, m, nd = qp.stage.states, qp.stage.inputs, program.d.numel()
         self.estimates, self.share = bool(nd), horizon.period / horizon.stage
         self.first = program.standstill.w
+        self.limits = [f"{s.rows[k.row].name} {'low' if k.sign > 0 else 'high'}" for k in qp.stage.sides]
         self.sides = qp.count * qp.stage.positives + qp.last.positives
         rows = qp.count + 1 if horizon.preview else 1
         where = "of all stages, one after the other, and of the end" if horizon.preview else "of all stages"
@@ -187,8 +188,11 @@ class Controller(StepFunction, Portable):
             StepMember("clipped", description="largest part of an input that its limit cut off"),
             StepMember("cost", description="of the plan, with prices"),
             StepMember("iterations", description=f"at most {qp.max_iterations}", integer=True),
+            StepMember("residual", description="KKT residual of the program, relative to 1 + cost; -1: not finite"),
             StepMember("failed", description="cycles in a row without a solution", integer=True),
             StepMember("lost", description="cycles in a row without a usable reading", integer=True),
+            *([StepMember("active", len(qp.stage.sides), description="stages of the plan at a limit: " +
+                          ", ".join(self.limits), integer=True)] if qp.stage.sides else []),
         ]  # fmt: skip
         self.start = [StepMember("x", n, "?", f"state: {names}")]
         self.defaults: Mapping[str, Any] = {"x": program.standstill.x}
@@ -227,6 +231,7 @@ class Controller(StepFunction, Portable):
         text = [f"{f} {_digest(f)}" for f in kernels_of(self, "f")]
         numbers = [float(v).hex() for v in (self.period, horizon.stage, program.qp.tolerance, *self.first)]
         return {"numbers": numbers, "stages": program.qp.count, "max_iterations": program.qp.max_iterations,
+                "length_ms": 1e3 * horizon.stage, "preview": horizon.preview, "limits": self.limits,
                 "causality": program.statement.causality, "delay": horizon.delay, "patience": horizon.patience,
                 "kernels": text}  # fmt: skip
 

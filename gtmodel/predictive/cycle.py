@@ -4,7 +4,8 @@
    the first cycle, the state of the start is moved to the reading before.
 2. The state is predicted over the delay, with the inputs on their way.
 3. The last plan is moved on by one period, and the stages are linearised there.
-4. One quadratic program is solved. Without a solution the plan stays as moved.
+4. One quadratic program is solved, from the last solution. Without a solution the plan stays as moved, and the next
+   cycle begins without it.
 5. The first input of the plan, within its limits, is the output.
 """
 
@@ -20,8 +21,9 @@ from ..cgen.newton_steps import run
 from ..cgen.real import DOUBLE, Real, decimal
 from ..cgen.steps.function import StepTwin, step_prototype
 from ..results.status import Status
-from .interior_point import InteriorPoint
+from .interior_point import InteriorPoint, LastIterate
 from .qp_text import QPText, called, init_text
+from .stage_qp import StageQP
 
 if TYPE_CHECKING:
     from .controller import Controller
@@ -96,7 +98,7 @@ class CycleTwin(StepTwin):
                 np.column_stack([b, a[:, -1:]]) for a, b in zip((*plan, sides), moved, strict=True)
             )
             end = all_sides[count * qp.stage.positives :].reshape(-1, 1)
-            start = (np.zeros_like(plan_v), sides, end)
+            start = None if state["failed"] else (np.zeros_like(plan_v), sides, end)
         else:
             plan_x = np.repeat(x[:, None], count + 1, axis=1)
             plan_v, start = np.repeat(real.array(c.first)[:, None], count, axis=1), None
@@ -126,7 +128,10 @@ class CycleTwin(StepTwin):
         outputs["clipped"], outputs["cost"], outputs["iterations"] = clipped[0], o.cost, o.iterations
         if not np.isfinite(o.cost):
             outputs["cost"] = 0.0
+        outputs["residual"] = self._residual(o)
         outputs["failed"], outputs["lost"] = failed, lost
+        if limits := len(qp.stage.sides):
+            outputs["active"] = np.count_nonzero(sides[limits : 2 * limits] > sides[:limits], axis=1)
         state["x"], state["lost"], state["failed"], state["begun"] = after, lost, failed, 1
         if c.estimates:
             state["d"] = d_hat
@@ -136,6 +141,13 @@ class CycleTwin(StepTwin):
         if c.sides:
             state["sides"] = np.concatenate([sides.T.ravel(), np.ravel(end)])
         return Status.OK
+
+    def _residual(self, o: LastIterate) -> Any:
+        gap, residual, gradient, cost = (self.real.dtype(v) for v in (o.gap, o.residual, o.gradient, o.cost))
+        if not np.all(np.isfinite([gap, residual, gradient, cost])):
+            return -1.0
+        size = self.real.dtype(1.0) + abs(cost)
+        return max(residual, gap / size, gradient / size)
 
     def _call(self, name: str, *arguments: np.ndarray) -> list[np.ndarray]:
         f = self.functions[name]
@@ -241,7 +253,8 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
         f"{step_prototype(symbol)}\n{{\n    static const double first[{m}] = {{{first}}};\n"
         "    gt_stage_qp_work work;\n    gt_stage_qp_call call;\n    gt_stage_qp_outcome found;\n"
         "    gt_status status;\n    const double *arg[5];\n    double *res[3];\n    double far = 0.0;\n"
-        f"    double clipped = 0.0;\n    int lost = 0;\n    int failed = 0;\n    int k;\n{locals_}{arrays}\n"
+        f"    double clipped = 0.0;\n    int lost = 0;\n    int failed = 0;\n"
+        f"    int k;\n{'    int j;' + chr(10) if qp.stage.sides else ''}{locals_}{arrays}\n"
         f"{_gathered(c.readings, 'reading')}{_goals(c, rows)}"
         f"    if (gt_all_finite(p, {rows * np_}) == 0) {{\n        return GT_NOT_FINITE;\n    }}\n"
         "    /* the reading */\n"
@@ -268,7 +281,7 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
         f"    call.last_data = last_data;\n    call.w = &work;\n    for (k = 0; k < {n}; k++) {{\n"
         f"        x[k] = ahead[k] - plan_x[k];\n    }}\n    for (k = 0; k < {count * m}; k++) {{\n"
         "        u[k] = 0.0;\n    }\n"
-        "    status = gt_stage_qp_solve(&call, (state->begun != 0) ? start : 0, &found);\n"
+        "    status = gt_stage_qp_solve(&call, ((state->begun != 0) && (state->failed == 0)) ? start : 0, &found);\n"
         "    if (status == GT_OK) {\n"
         f"        for (k = 0; k < {(count + 1) * n}; k++) {{\n            plan_x[k] += x[k];\n        }}\n"
         f"        for (k = 0; k < {count * m}; k++) {{\n            plan_v[k] += u[k];\n        }}\n"
@@ -284,7 +297,8 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
         + _scattered(c.commands, "command") + _scattered(c.shown, "shown")
         + "    out->clipped = clipped;\n    out->cost = (gt_all_finite(&found.cost, 1) != 0) ? found.cost : 0.0;\n"
         "    out->iterations = found.iterations;\n    out->failed = failed;\n    out->lost = lost;\n"
-        f"    gt_copy(state->x, next, {n});\n{queue}    state->lost = lost;\n    state->failed = failed;\n"
+        + _diagnostics(qp, own)
+        + f"    gt_copy(state->x, next, {n});\n{queue}    state->lost = lost;\n    state->failed = failed;\n"
         "    state->begun = 1;\n"
         + (f"    gt_copy(state->d, d, {nd});\n" if nd else "")
         + f"    gt_copy(state->plan_x, plan_x, {(count + 1) * n});\n"
@@ -292,6 +306,29 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
         + (f"    gt_copy(state->sides, start, {of.sides});\n" if of.sides else "")
         + "    return GT_OK;\n}\n\n"
     )  # fmt: skip
+
+
+def _diagnostics(qp: StageQP, own: int) -> str:
+    """Residual of the program; stages in which a limit is active: its multiplier is larger than the distance."""
+    limits = len(qp.stage.sides)
+    text = (
+        "    out->residual = -1.0;\n"
+        "    if ((gt_all_finite(&found.gap, 1) != 0) && (gt_all_finite(&found.residual, 1) != 0)\n"
+        "        && (gt_all_finite(&found.gradient, 1) != 0) && (gt_all_finite(&found.cost, 1) != 0)) {\n"
+        "        const double size = 1.0 + ((found.cost < 0.0) ? -found.cost : found.cost);\n\n"
+        "        out->residual = found.residual;\n"
+        "        out->residual = ((found.gap / size) > out->residual) ? (found.gap / size) : out->residual;\n"
+        "        out->residual = ((found.gradient / size) > out->residual) ? (found.gradient / size) : out->residual;\n"
+        "    }\n"
+    )
+    if not limits:
+        return text
+    at = f"start[(k * {own}) + j"
+    return text + (
+        f"    for (j = 0; j < {limits}; j++) {{\n        out->active[j] = 0;\n"
+        f"        for (k = 0; k < {qp.count}; k++) {{\n"
+        f"            out->active[j] += ({at} + {limits}] > {at}]) ? 1 : 0;\n        }}\n    }}\n"
+    )
 
 
 def _scattered(members: Any, source: str) -> str:

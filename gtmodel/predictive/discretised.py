@@ -79,11 +79,13 @@ class Standstill(Portable):
 
 @dataclass(frozen=True, eq=False)
 class Observer(Portable):
-    """Gains of the steady-state Kalman filter for state and disturbance, and the largest innovations."""
+    """Gains of the steady-state Kalman filter for state and disturbance, the largest innovations, and the slope of the
+    readings by the state at the targets."""
 
     x: np.ndarray
     d: np.ndarray
     jump: np.ndarray
+    slope: np.ndarray
 
 
 class Discretised(Portable):
@@ -226,20 +228,25 @@ class Discretised(Portable):
             ) from None
         gain = np.linalg.solve(H @ P @ H.T + np.diag(R), H @ P).T
         jump = np.concatenate([np.full(size, measured[name].jump) for name, size in names])
-        return Observer(gain[:n], gain[n:], jump)
+        return Observer(gain[:n], gain[n:], jump, C)
 
     def _location(self) -> ca.Function:
         s = self.statement
         if self.observer is None:
             y = SX.sym("y", s.x.numel())
             return _functions("locate", [s.x, y], [y])
-        y, J = SX.sym("y", s.measured.numel()), ca.jacobian(s.measured, s.x)
+        y = SX.sym("y", s.measured.numel())
+        return _functions("locate", [s.x, y], [s.x + self._towards(y)])
+
+    def _towards(self, y: Any) -> Any:
+        """Change of the state towards a reading: a step of Gauss and Newton."""
+        s = self.statement
+        J = ca.jacobian(s.measured, s.x)
         e, (k, n) = y - s.measured, J.shape
         # least change of the state; readings of one quantity by several sensors share it
         inner = ca.mtimes(J, J.T) if k <= n else ca.mtimes(J.T, J)
         inner = ca.densify(inner + SINGULAR * ca.trace(inner) * SX.eye(min(k, n)))
-        step = ca.mtimes(J.T, ca.solve(inner, e)) if k <= n else ca.solve(inner, ca.mtimes(J.T, e))
-        return _functions("locate", [s.x, y], [s.x + step])
+        return ca.mtimes(J.T, ca.solve(inner, e)) if k <= n else ca.solve(inner, ca.mtimes(J.T, e))
 
     def _correction(self) -> ca.Function:
         s, n = self.statement, self.statement.x.numel()
@@ -251,6 +258,9 @@ class Discretised(Portable):
         far = SX(0)
         for k in np.flatnonzero(o.jump < FOREVER).tolist():  # which float cannot hold
             far = ca.fmax(far, ca.fabs(e[k]) / float(o.jump[k]))
+        slope = ca.jacobian(s.measured, s.x)
+        if ca.depends_on(slope, s.x):  # the gains are those of the slope at the targets
+            e += ca.mtimes(SX(o.slope) - slope, self._towards(y))
         x, d = s.x + ca.mtimes(SX(o.x), e), self.d + ca.mtimes(SX(o.d), e)
         return _functions("correct", [s.x, self.d, y], [x, d, far])
 

@@ -186,8 +186,9 @@ def _refuse(problem: DynamicProblem) -> None:
         raise ModelError(f"{title}: its equations have no closed form; a predictive controller needs one")
     if problem.free_names:
         raise ModelError(f"{title}: a free constant such as {problem.free_names[0]} is not part of a controller")
-    if problem.points:
-        raise ModelError(f"{title}: {problem.points[0].label} holds at one instant; a horizon that moves has none")
+    along = {f"at the start: {r.label}" for r in problem.path}  # the first stage has these rows
+    if points := [r for r in problem.points if r.label not in along]:
+        raise ModelError(f"{title}: {points[0].label} holds at one instant; a horizon that moves has none")
     if np.any(np.isfinite([problem.end_bounds.low, problem.end_bounds.high])):
         raise ModelError(f"{title}: a state is prescribed at one instant, the end; a horizon that moves has none")
     if problem.misfits:

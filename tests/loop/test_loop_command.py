@@ -65,7 +65,10 @@ def test_command_prints_one_object(folder: Path, motion: Path, place: Path, caps
         (["--peer", "abb"], "--peer expected one of egm, rsi; found 'abb'"),
         (["--seconds", "0"], "--seconds must be more than 0 and at most 3600; found 0"),
         (["--elastic", "nan"], "--elastic expected finite numbers; found nan"),
-        (["--law", "guess"], "--law expected one of trajectory, dynamics, replay, path, lead_through; found 'guess'"),
+        (
+            ["--law", "guess"],
+            "--law expected one of trajectory, dynamics, replay, path, lead_through, predictive; found 'guess'",
+        ),
         (["--reference", "none.csv"], "--reference none.csv: there is no such file"),
         (["--out", str(Path(__file__).parent)], "contains files that gtmodel did not write"),
         (["--out", __file__], "is a file; name a folder"),

@@ -162,10 +162,11 @@ def test_adapter_leaves_out_what_the_folder_lacks(generated: Path) -> None:
     content = manifest_of(generated)
     whole = adapter(content, 3)
     assert (
-        "gt_loop_model = {3U, gt_loop_model_forward, gt_loop_model_inverse_dynamics, gt_loop_model_carts, 0};" in whole
+        "gt_loop_model = {3U, gt_loop_model_forward, gt_loop_model_inverse_dynamics, gt_loop_model_carts, 0, NULL};"
+        in whole
     )
     content["functions"] = [f for f in content["functions"] if f["name"] == "fk"]
-    assert "gt_loop_model = {3U, gt_loop_model_forward, NULL, NULL, 0};" in adapter(content, 3)
+    assert "gt_loop_model = {3U, gt_loop_model_forward, NULL, NULL, 0, NULL};" in adapter(content, 3)
 
 
 def test_build_refuses_a_changed_folder(generated: Path, tmp_path: Path) -> None:

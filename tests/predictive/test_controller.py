@@ -289,6 +289,53 @@ def test_a_limit_that_is_a_reference_may_drop() -> None:
     assert inputs == pytest.approx([-2.0, -1.0], abs=1e-4)
 
 
+def test_the_filter_has_the_same_dynamics_wherever_the_slope_of_a_reading_is() -> None:
+    """A height of a link is read; one radian further its slope has halved."""
+
+    class Link(gt.Model):
+        angle = gt.variable(unit="rad")
+        height = gt.variable()
+        torque = gt.input(unit="1/s2")
+
+        def equations(self) -> Any:
+            yield der(self.angle, 2) == self.torque
+            yield self.height == gt.sin(self.angle)
+
+    law = controller(
+        Link(), ControlHorizon(period=0.01, stages=5), tolerances={"angle": 0.1, "torque": 1.0}, targets={"angle": 0.0},
+        measured={"height": Measurement(deviation=1e-3)}, disturbance={"torque": 1.0},
+    )  # fmt: skip
+    correct = law.program.correct
+    x, d, y = (ca.SX.sym(name, *correct.size_in(k)) for k, name in enumerate("xdy"))
+    moved = ca.vertcat(*correct(x, d, y)[:2])
+    slope = ca.Function("slope", [x, d, y], [ca.jacobian(moved, ca.vertcat(x, d))])
+    at_rest, further = (slope([angle, 0.3], 0.0, np.sin(angle)).full() for angle in (0.0, 1.0))
+    assert np.abs(at_rest - np.eye(3)).max() > 0.1
+    assert further == pytest.approx(at_rest, abs=1e-6)  # the step of Gauss and Newton is regularised by 1e-9
+
+
+def test_an_optimization_may_limit_a_state_by_a_parameter() -> None:
+    class Walled(gt.Optimization):
+        wall = gt.parameter(2.0, unit="m")
+        x = gt.variable(unit="m")
+        v = gt.input(unit="m/s", min=-1.0, max=1.0)
+        place = gt.parameter(0.1, unit="m")
+        speed = gt.parameter(1.0, unit="m/s")
+
+        def equations(self) -> Any:
+            yield der(self.x) == self.v
+
+        def objective(self) -> Any:
+            return gt.integral(((self.x - self.place) / self.place) ** 2 + (self.v / self.speed) ** 2)
+
+        def constraints(self) -> Any:
+            yield self.x <= self.wall
+
+    law = controller(Walled(), ControlHorizon(period=0.05, stages=20), references=["wall"])
+    ends = [law.converge([-0.5], {"wall": wall}).x[-1, 0] for wall in (2.0, 0.05, -0.2)]
+    assert ends == pytest.approx([0.1, 0.05, -0.2], abs=5e-3)
+
+
 def test_the_controller_as_a_sampled_block_round_a_plant() -> None:
     loop = observed().around(Cart(m=2.4, push=0.7))
     run = gt.simulate(loop, 2.5, start={"plant.x": 0.5, "plant.v": 0.0}, inputs={"law.x_goal": 0.0})

@@ -13,6 +13,7 @@ from pydantic import Field, PositiveFloat
 from gtmodel import predictive
 from gtmodel.cgen import Verification
 from gtmodel.fmu.plant_unit import PlantUnit
+from gtmodel.loop.disturbed import Disturbances
 from gtmodel.loop.lead_through.options import Guiding
 from gtmodel.predictive.options import ControlHorizon, Measurement
 from gtmodel.problem_files.base import Context, FileSection, InputError
@@ -272,6 +273,9 @@ class Schema(RobotProblem):
     check: Made[Verification] = Made[Verification].left_out()
     lead_through: Made[Guiding] | None = Field(
         default=None, description="for gtmodel loop --law lead_through: law, force sensors and a synthetic scene"
+    )
+    disturbances: Made[Disturbances] | None = Field(
+        default=None, description="for gtmodel loop: delay, noise and saturation of the simulated robot"
     )
     plant: PlantUnitSection | None = Field(
         default=None, description="for gtmodel loop: a unit (FMI) instead of the simulated robot"
