@@ -253,7 +253,7 @@ def closed_start(equations: ca.SX, d: ca.SX, latent: ca.SX, data: np.ndarray) ->
 def _levenberg(f: ca.Function, data: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """z and the remaining residual in units of the equations' derivatives (N,)."""
     N, nz = z.shape
-    damping = np.full(N, 1e-3)
+    damping: np.ndarray = np.full(N, 1e-3)
 
     def evaluate(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         r, J = map_columns(f, [data, z.T])
@@ -261,8 +261,8 @@ def _levenberg(f: ca.Function, data: np.ndarray, z: np.ndarray) -> tuple[np.ndar
 
     with np.errstate(all="ignore"):
         r, J = evaluate(z)
-        J = np.nan_to_num(J, posinf=0.0, neginf=0.0)
-        cost = np.where(np.isfinite(r).all(axis=1), np.sum(r**2, axis=1), np.inf)
+        J: np.ndarray = np.nan_to_num(J, posinf=0.0, neginf=0.0)
+        cost: np.ndarray = np.where(np.isfinite(r).all(axis=1), np.sum(r**2, axis=1), np.inf)
         for _ in range(ROUNDS):
             A = J.transpose(0, 2, 1) @ J
             scale = np.trace(A, axis1=1, axis2=2) / nz

@@ -150,8 +150,8 @@ def sharpened(measure: Callable[[Array, Array], Array], leaves: Array, hi: Array
     """Return greatest values (k,) of `measure`, (k, n) bounds over boxes, made sharper by halving the boxes with the
     worst bounds, in turn along `sides`."""
     lo = leaves
-    values = measure(lo, hi)
-    worst = values.max(axis=1)
+    values: np.ndarray = measure(lo, hi)
+    worst: np.ndarray = values.max(axis=1)
     if not sides.size:
         return worst
     turn = np.zeros(lo.shape[1], dtype=int)

@@ -102,6 +102,8 @@ class Positions:
         constraints are redundant (Yamashita and Fukushima, Computing Suppl. 15, 2001).
         """
         x, mask = x.copy(), 1.0 if free is None else free.astype(float)
+        g: np.ndarray
+        jacobian: np.ndarray
         g, jacobian = self.residual(x)
         if not g.size:
             return x, 0.0

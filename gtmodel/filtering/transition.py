@@ -69,8 +69,8 @@ class LinearTransition:
         n = len(self.A)
         doublings = max(0, int(np.ceil(np.log2(max(self.decay * abs(dt) / DECAYED, 1e-300)))))
         loan = expm(np.block([[-self.A, self.noise], [np.zeros((n, n)), self.A.T]]) * (dt / 2**doublings))
-        F = loan[n:, n:].T
-        Q = F @ loan[:n, n:]
+        F: np.ndarray = loan[n:, n:].T
+        Q: np.ndarray = F @ loan[:n, n:]
         for _ in range(doublings):
             F, Q = F @ F, F @ Q @ F.T + Q
         return Q

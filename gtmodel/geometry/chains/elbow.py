@@ -247,6 +247,8 @@ class _Search:
                 with np.errstate(divide="ignore", invalid="ignore"):
                     cut: np.ndarray = b - fb * (b - a) / (fb - fa)
                 middle = np.where((cut - a) * (cut - b) <= 0, cut, middle)
+            q: np.ndarray
+            f: np.ndarray
             q, f, _ = self.values(rows, branch, middle)
             there = np.abs(f) < ANGLE
             self.hits += list(zip(rows[there].tolist(), q[there], strict=True))
