@@ -119,22 +119,22 @@ class Innovation(NamedTuple):
     """Innovations of the readings of one instant, for m runs.
 
     names: the sensors. residual: (m, k), zero where a number was not used. variance: of each (m, k). used: (m, k).
-    whole: whether all numbers were used. nis: normalised innovations squared (m,), chi-squared with `numbers` (m,)
-    degrees of freedom. log_likelihood: (m,). gated: whether its gate left out the reading of each sensor (m, sensors).
-    weighed: whether a reading got less weight as an outlier (m, sensors); None if no sensor has Huber weights. With
-    them, residual and nis are limited to Huber's threshold k.
+    nis: normalised innovations squared (m,), chi-squared with `numbers` (m,) degrees of freedom. log_likelihood: (m,).
+    gated: whether its gate left out the reading of each sensor (m, sensors). weighed: whether a reading got less weight
+    as an outlier (m, sensors); None if no sensor has Huber weights. With them, residual and nis are limited to Huber's
+    threshold k. whole: all numbers are known to be used.
     """
 
     names: tuple[str, ...]
     residual: np.ndarray
     variance: np.ndarray
     used: np.ndarray
-    whole: bool
     nis: np.ndarray
     numbers: np.ndarray
     log_likelihood: np.ndarray
     gated: np.ndarray
     weighed: np.ndarray | None = None
+    whole: bool = False
 
 
 @dataclass(frozen=True)

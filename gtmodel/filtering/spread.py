@@ -106,8 +106,8 @@ class Spread(NamedTuple):
         numbers = np.array([k] * m) if self.whole else count
         likelihood = (solved.nis + solved.log_determinant + count * LOG_TWO_PI) * -0.5 + (self.edge + self.loss)
         return Innovation(
-            names, self.residual, solved.variance, self.used, self.whole, solved.nis, numbers,
-            likelihood, self.gated, self.weighed,
+            names, self.residual, solved.variance, self.used, solved.nis, numbers, likelihood,
+            self.gated, self.weighed, self.whole,
         )  # fmt: skip
 
 
