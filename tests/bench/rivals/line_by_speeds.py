@@ -60,7 +60,7 @@ def solve_toppra(quantities: ca.Function, intervals: int) -> Result:
     )
     method = toppra.algorithm.TOPPRA([within], path, gridpoints=np.linspace(0.0, 1.0, intervals + 1))
     setup = clock.lap()
-    _, speeds, _ = method.compute_parameterization(0.0, 0.0)
+    speeds = method.compute_parameterization(0.0, 0.0)[1]
     if speeds is None:
         return Result(np.inf, 0, setup, clock.lap(), False)
     time = float(np.sum(2 / intervals / (speeds[1:] + speeds[:-1])))
