@@ -10,7 +10,7 @@ import scipy.linalg
 from .belief import Innovation, all_finite
 from .system import SensorGroup, System
 
-_solved: Any = scipy.linalg.get_lapack_funcs("posv", dtype=np.float64)
+_posv: Any = scipy.linalg.get_lapack_funcs("posv", dtype=np.float64)
 LOG_TWO_PI = float(np.log(2 * np.pi))
 
 
@@ -90,7 +90,7 @@ class Spread(NamedTuple):
         n, k = self.PH.shape[1:]
         right = np.empty((1, n + 1, k))
         right[:, :n], right[:, n] = self.PH, self.residual
-        L, answer, fault = _solved(self.S[0], right[0].T, lower=1)
+        L, answer, fault = _posv(self.S[0], right[0].T, lower=1)
         if fault:
             L, answer = np.full((k, k), np.nan), np.full((k, n + 1), np.nan)
         solution = answer.T[None]
