@@ -10,7 +10,7 @@ import casadi as ca
 
 from ..compiler.causal import CausalFunction
 from ..results.disk import scratch
-from .interface import Interface, macro
+from .interface import Interface, linkage, macro
 from .loops import SOLVER, loop_text
 from .real import GenerationError, comment
 
@@ -172,6 +172,7 @@ def _header(declarations: str, name: str, faces: list[Interface], kernels: Seque
     parts = [
         comment([_ABOUT_HEADER.format(name=name)]),
         f'#ifndef {guard}\n#define {guard}\n\n#ifdef __cplusplus\nextern "C" {{\n#endif\n\n',
+        f"#ifndef {linkage(name)}\n#define {linkage(name)}\n#endif\n\n",
     ]
     rolled = {face.body: face.loops.body for face in faces if face.loops is not None}
     for symbol in [*[symbol for face in faces for symbol in face.bodies], *[kernel.name() for kernel in kernels]]:
@@ -180,7 +181,10 @@ def _header(declarations: str, name: str, faces: list[Interface], kernels: Seque
         else:
             numbers = [_stated(declarations, symbol, size) for size in SIZES]
         parts += [f"#define {macro(symbol)}_{size} {n}\n" for size, n in zip(SIZES, numbers, strict=True)]
-        parts.append(f"int {symbol}(const double **arg, double **res, long long int *iw, double *w, int mem);\n\n")
+        parts.append(
+            f"{linkage(name)} int {symbol}"
+            "(const double **arg, double **res, long long int *iw, double *w, int mem);\n\n"
+        )
     parts.append("#ifdef __cplusplus\n}\n#endif\n\n#endif\n")
     return "".join(parts)
 

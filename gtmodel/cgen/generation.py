@@ -25,6 +25,7 @@ from .vectors import selftest
 from .wrapper import wrapper
 
 FLOATING = "gt_float.h"
+SMALL = 5000  # lines of bodies that are compiled once more with their guards, in about a second
 RUNTIME = ("gt_compare.h", FLOATING, "gt_guard.h")
 NEWTON = "gt_newton.h"
 TRAJECTORY = "gt_traj.h"
@@ -129,7 +130,7 @@ def contents(
         main = main.replace("About 1e-15", "About 1e-7")
     texts = {
         f"{prefix}.h": header(name, faces, about, _hashes(faces, source, steps), steps),
-        f"{prefix}.c": wrapper(name, faces, steps),
+        f"{prefix}.c": wrapper(name, faces, steps, inline=_small(faces, source)),
         f"{prefix}_body.h": declarations,
         f"{prefix}_body.c": source,
         f"{prefix}_selftest.c": selftest(name, faces, steps),
@@ -144,6 +145,11 @@ def contents(
         "Makefile": makefile(name),
         "README.md": readme(name, faces, steps),
     }
+
+
+def _small(faces: list[Interface], source: str) -> bool:
+    """Whether the bodies are compiled with their guards: Newton's kernels and loops gain nothing but their size."""
+    return source.count("\n") <= SMALL and not any(face.newton or face.loops is not None for face in faces)
 
 
 def _hashes(faces: list[Interface], source: str, steps: Sequence[StepFace]) -> dict[str, str]:

@@ -240,6 +240,11 @@ def places(members: Iterable[Member], first: int = 0) -> list[tuple[slice, Membe
     return slices
 
 
+def linkage(name: str) -> str:
+    """Return the macro before the declarations of the bodies: empty, or static where their file is included."""
+    return f"GT_{name.upper()}_LINKAGE"
+
+
 def macro(symbol: str) -> str:
     """Prefix of the macros of a body."""
     return symbol.removesuffix("_body").upper()

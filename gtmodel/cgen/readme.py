@@ -54,10 +54,11 @@ Compare the status with `GT_OK` before using a value. Several threads may call f
 {contract}
 ## Files
 
-`gt_{name}.h` the header that you include · `gt_{name}.c` guards · `gt_{name}_body.c` equations ·
-`gt_{name}_selftest.c` stored results · `gt_{name}_main.c` runs the self-test · `gt_float.h`, `gt_guard.h`,
-`gt_compare.h`, `gt_status.h` shared by all generated folders · `manifest.json` functions, units, box, operations,
-parameters and hashes · `costs.json` bytes, stack and instructions on the machine where `--costs` last ran.
+`gt_{name}.h` the header that you include · `gt_{name}.c` guards; it includes small bodies, to be faster ·
+`gt_{name}_body.c` equations · `gt_{name}_selftest.c` stored results · `gt_{name}_main.c` runs the self-test ·
+`gt_float.h`, `gt_guard.h`, `gt_compare.h`, `gt_status.h` shared by all generated folders ·
+`manifest.json` functions, units, box, operations, parameters and hashes ·
+`costs.json` bytes, stack and instructions on the machine where `--costs` last ran.
 
 Do not edit these files: change the model and generate the folder again. `gtmodel codegen PROBLEM.toml -o DIR --check`
 compares with Python.
@@ -159,7 +160,7 @@ check: gt_{name}_check
 gt_{name}_check: gt_{name}_main.o libgt_{name}.a
 \t$(CC) $(LDFLAGS) -o $@ gt_{name}_main.o libgt_{name}.a -lm
 
-%.o: %.c $(wildcard *.h)
+%.o: %.c $(wildcard *.h *_body.c)
 \t$(CC) $(CFLAGS) $(GT_FLAGS) -c -o $@ $<
 
 clean:

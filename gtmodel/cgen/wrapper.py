@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from ..compiler.blocks import Margin
 from ..compiler.emission import express
 from ..results.status import Status
-from .interface import Interface, Member, macro, places
+from .bounds import surely_finite
+from .interface import Interface, Member, linkage, macro, places
 from .newton_stages import NewtonStage
 from .real import GenerationError, comment, decimal
 from .steps.function import StepFace, definitions
@@ -28,6 +29,15 @@ static GT_RARE int each_finite(const double *const *place, const int *size, int 
 """
 
 
+_BOUNDED = "The limits of the inputs and the margins bound the outputs: they are finite."
+
+_INLINE = """\
+/* The bodies are small: a compiler that sees them here puts them into their guards, without pointers to arguments. */
+#define CASADI_SYMBOL_EXPORT static
+#define {macro} static
+"""
+
+
 _NEWTON = """\
 /* Newton's method: one copy, shared by all functions of this file. */
 static GT_SHARED gt_status solve(gt_newton_kernel kernel, const double **arg, double **res, long long int *iw,
@@ -40,12 +50,13 @@ static GT_SHARED gt_status solve(gt_newton_kernel kernel, const double **arg, do
 """
 
 
-def wrapper(name: str, faces: list[Interface], steps: Sequence[StepFace] = ()) -> str:
-    """Return the text of the guarded functions.
+def wrapper(name: str, faces: list[Interface], steps: Sequence[StepFace] = (), inline: bool = False) -> str:
+    """Return the text of the guarded functions; `inline`: with the bodies as static functions of the same file.
 
     The checks are in the order of CausalFunction.status: inputs finite, not too large, margins in their order, outputs
-    finite; the first cause wins. Margins that do not depend on a Newton block are checked before the block. A closed
-    form is evaluated first and its margins are checked afterwards. One sum checks all outputs.
+    finite unless limits and margins imply it; the first cause wins. Margins that do not depend on a Newton block are
+    checked before the block. A closed form is evaluated first and its margins are checked afterwards. One sum checks
+    all outputs.
     """
     newton = '#include "gt_newton.h"\n' if any(face.newton for face in faces) else ""
     newton += "".join(
@@ -53,7 +64,8 @@ def wrapper(name: str, faces: list[Interface], steps: Sequence[StepFace] = ()) -
     )
     parts = [
         comment([f"gt_{name}: guards round the bodies in gt_{name}_body.c; see gt_{name}.h."]),
-        f'#include "gt_{name}.h"\n\n#include "gt_{name}_body.h"\n#include "gt_guard.h"\n{newton}\n',
+        f'#include "gt_{name}.h"\n\n{_INLINE.format(macro=linkage(name)) if inline else ""}',
+        f'#include "gt_{name}_body.{"c" if inline else "h"}"\n#include "gt_guard.h"\n{newton}\n',
         "#include <math.h>\n\n",
         comment(["A pivot below this fraction of its typical size is singular; a branch below it is left."]),
         f"#define GT_PIVOT_TOLERANCE ({decimal([*faces, *steps][0].real.pivot)})\n\n",
@@ -125,7 +137,7 @@ def _function(face: Interface) -> str:
         f"    (void){face.body}(arg, res, iw, w, 0); /* always returns 0 */\n",
         # as in `compiler.rows.status_codes`, a pose that cannot be reached is no singular one
         *[_margin(n, margins[n]) for n in sorted(_distinct(face), key=lambda n: margins[n].kind != "condition")],
-        _finite(face.outputs, "y."),
+        comment([_BOUNDED], "    ") if surely_finite(face) else _finite(face.outputs, "y."),
         *_copies(face, into_state=True),
         f"    *out = y;\n    return {Status.OK.c_name};\n}}\n\n",
     ]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -22,30 +21,17 @@ from .blocks import VERDICTS
 from .columns.kernel import PAID, kernel_of
 from .consistency.guess import Completion
 from .consistency.home import moved_sentence, refuse_starts
-from .evaluate import Built, build
+from .evaluate import Built, CausalSignal as CausalSignal, build, c_name as c_name
 from .explain import explain
 from .flat import FlatModel
 from .flat_cache import flat_of
 from .newton import NewtonKernel
 from .plan import CausalPlan, make_plan
 from .rows import PIVOT_TOLERANCE, JudgedFunction, map_columns
+from .tunable import with_parameters
 
 Pair = tuple[int, int]
 Group = tuple[str, tuple[int, ...], list[int]]
-
-
-@dataclass(frozen=True)
-class CausalSignal:
-    """A named input or output: shape () or (n,), unit, and its scalar chain symbols."""
-
-    name: str
-    shape: tuple[int, ...]
-    unit: str
-    pairs: tuple[Pair, ...]
-
-    @property
-    def size(self) -> int:
-        return len(self.pairs)
 
 
 class CausalFunction(Portable):
@@ -98,6 +84,10 @@ class CausalFunction(Portable):
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "kept": {}}
+
+    def again(self, plan: CausalPlan, inputs: list[CausalSignal]) -> CausalFunction:
+        """Return the same causality with another plan and other inputs."""
+        return CausalFunction(plan, inputs, self.outputs, self.name, self.groups, self.preferred, self.branches)
 
     def __copy__(self) -> CausalFunction:
         return self
@@ -444,23 +434,6 @@ def _stack(matrix: np.ndarray, n: int, width: int) -> np.ndarray:
     return matrix.reshape(matrix.shape[0], n, width).transpose(1, 0, 2).copy()
 
 
-def c_name(name: str) -> str:
-    """Return a name as a C identifier: der(T,2) -> d2_T, arm[0].rod -> arm_0_rod."""
-    order = 0
-    while name.startswith("der("):
-        inner = name[4:-1]
-        base, comma, k = inner.rpartition(",")
-        name, order = (base, order + int(k)) if comma and k.strip().isdigit() else (inner, order + 1)
-    letters = (c if c.isascii() else f"u{ord(c):04x}" for c in name)
-    text = "".join(c if c.isalnum() else "_" for c in letters).strip("_") or "f"
-    while "__" in text:
-        text = text.replace("__", "_")
-    prefix = "" if order == 0 else ("d_" if order == 1 else f"d{order}_")
-    text = prefix + text
-    # CasADi refuses some words, and neither CasADi nor C allows a leading digit
-    return f"f_{text}" if text in ("jac", "null", "hess") or text[0].isdigit() else text
-
-
 @named
 def compile_causal(
     model: Model | Builder | FlatModel,
@@ -469,6 +442,7 @@ def compile_causal(
     prefer: str | Sequence[str] = (),
     branches: Mapping[str, int] | None = None,
     name: str | None = None,
+    tunable: str | Sequence[str] = (),
 ) -> CausalFunction:
     """Return the function that computes `targets` from `known`, for any causality of the model.
 
@@ -478,10 +452,13 @@ def compile_causal(
         prefer: names of preferred states, if the known variables do not determine everything.
         branches: sign +1 or -1 by declared branch name, see `gt.branch`; +1 by default.
         name: name of the function in messages and in C; by default derived from targets and known.
+        tunable: names of model parameters, or of single numbers such as "coulomb[0]", that become inputs. One function
+            then serves all their values, also in C; results agree with those of `with_` to rounding. Signs of roots and
+            largest sizes of arguments are those at the model's values.
 
-    The inputs of the function are the states, then the known variables with the derivatives that are needed. Raises
-    ModelError, with file and line of the equations, if the model is wrong or the known variables do not determine the
-    targets.
+    The inputs of the function are the states, the known variables with the derivatives that are needed, and the tunable
+    parameters. Raises ModelError, with file and line of the equations, if the model is wrong or the known variables do
+    not determine the targets; ArgumentError for a parameter that cannot be tunable.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> inverse_dynamics = robot.causal(known="T", targets="tau")
@@ -490,13 +467,23 @@ def compile_causal(
     >>> forward_dynamics = robot.causal(known="tau", targets="der(T,2)", prefer="T")
     >>> [signal.name for signal in forward_dynamics.inputs]
     ['T', 'der(T)', 'tau']
+    >>> loaded = robot.causal(known="T", targets="tau", tunable="m_p")
+    >>> tau, status = loaded(robot.home, np.zeros(3), np.zeros(3), [9.1, 19.1])  # N, at rest with 10 kg more
+    >>> tau.shape, float((tau[1] - tau[0]).sum().round(9))
+    ((2, 3), 0.0)
     """
     flat = model if isinstance(model, FlatModel) else flat_of(model)
     known, targets, prefer = _names("known", known), _names("targets", targets), _names("prefer", prefer)
-    key = (tuple(known), tuple(targets), tuple(prefer), tuple(sorted((branches or {}).items())), name)
+    free = _names("tunable", tunable)
+    key = (tuple(known), tuple(targets), tuple(prefer), tuple(sorted((branches or {}).items())), name, tuple(free))
     if key not in flat.cache:
-        function = flat.cache[key] = _compile(flat, known, targets, prefer, branches, name)
-        function.made = flat, known, targets, prefer, branches and dict(branches), name
+        if free:
+            numeric = compile_causal(flat, known, targets, prefer, branches, name)
+            function, _ = with_parameters(numeric, free, "tunable")
+        else:
+            function = _compile(flat, known, targets, prefer, branches, name)
+        flat.cache[key] = function
+        function.made = flat, known, targets, prefer, branches and dict(branches), name, free
     return flat.cache[key]
 
 

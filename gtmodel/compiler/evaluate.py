@@ -136,6 +136,37 @@ def _followed(kernel: NewtonKernel, a: Any, name: str) -> tuple[Any, Any]:
 Pair = tuple[int, int]
 
 
+@dataclass(frozen=True)
+class CausalSignal:
+    """A named input or output: shape () or (n,), unit, and its scalar chain symbols."""
+
+    name: str
+    shape: tuple[int, ...]
+    unit: str
+    pairs: tuple[Pair, ...]
+
+    @property
+    def size(self) -> int:
+        return len(self.pairs)
+
+
+def c_name(name: str) -> str:
+    """Return a name as a C identifier: der(T,2) -> d2_T, arm[0].rod -> arm_0_rod."""
+    order = 0
+    while name.startswith("der("):
+        inner = name[4:-1]
+        base, comma, k = inner.rpartition(",")
+        name, order = (base, order + int(k)) if comma and k.strip().isdigit() else (inner, order + 1)
+    letters = (c if c.isascii() else f"u{ord(c):04x}" for c in name)
+    text = "".join(c if c.isalnum() else "_" for c in letters).strip("_") or "f"
+    while "__" in text:
+        text = text.replace("__", "_")
+    prefix = "" if order == 0 else ("d_" if order == 1 else f"d{order}_")
+    text = prefix + text
+    # CasADi refuses some words, and neither CasADi nor C allows a leading digit
+    return f"f_{text}" if text in ("jac", "null", "hess") or text[0].isdigit() else text
+
+
 @dataclass(frozen=True, eq=False)
 class Built:
     """closed: (inputs..., z of each Newton block...) -> (targets..., margins). whole: (inputs...) -> (targets...,

@@ -4,17 +4,28 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from ..results.refusal import ArgumentError
 from ..results.trajectory import Trajectory
-from .belief import Belief, InitialState, Innovation, Moment, Readings, instants, readings_of, size_of_runs
+from .belief import (
+    Belief,
+    InitialState,
+    Innovation,
+    Moment,
+    Readings,
+    all_finite,
+    instants,
+    readings_of,
+    size_of_runs,
+)
 from .filtered import Filtered, Replay, RunRecord
 from .spread import Spread, spread_of
 from .system import System
-from .transition import Advance
+from .transition import Advance, carried
 
 BETWEEN = 256  # instants between two calls of `progress`
 
@@ -38,6 +49,8 @@ class Filter(ABC):
         self, belief: Any, time: float, u0: np.ndarray, u1: np.ndarray, bends: Sequence[tuple[float, np.ndarray]]
     ) -> tuple[Any, Any]:
         """As `advance`, with known inputs whose slope changes at these times; the step is one from start to end."""
+        if not bends:
+            return self.advance(belief, time, u0, u1)
         step: Any = None
         for k, (t, u) in enumerate([*bends, (time, u1)]):
             belief, part = self.advance(belief, t, u0, u)
@@ -101,6 +114,7 @@ class Filter(ABC):
         if self.repeatable:
             record.replay = Replay(log, start, inputs)
         u, last = system.inputs_at(inputs, first), first
+        values = values_of(readings, plan, runs)
         for k, instant in enumerate(plan):
             if progress is not None and k % BETWEEN == 0 and progress(k / len(plan)):
                 return record.ended("stopped")
@@ -108,10 +122,10 @@ class Filter(ABC):
             bends = system.bends(inputs, last, instant.time)
             belief, step = self.advanced(belief, instant.time, u, u_next, bends)
             before, u, last = self.summary(belief), u_next, instant.time
-            names, z = values_of(readings, instant, runs)
+            names, z = values[k]
             belief, innovation = self.correct(belief, names, z, u)
             after = self.summary(belief)
-            if not np.isfinite(after.x).all():
+            if not all_finite(after.x):
                 return record.ended("not finite")
             if (silent := without_value(system, z, innovation)) is not None:
                 return record.ended("not finite", silent)
@@ -121,7 +135,7 @@ class Filter(ABC):
 
 def without_value(system: System, z: np.ndarray, innovation: Innovation) -> str | None:
     """A sensor with a reading for which the model has no finite value, so that the reading could not be used."""
-    if innovation.used.all():
+    if innovation.whole:
         return None
     group = system.group(innovation.names)
     for n, (name, (part, columns, along)) in enumerate(zip(innovation.names, group.space.places(), strict=True)):
@@ -133,13 +147,22 @@ def without_value(system: System, z: np.ndarray, innovation: Innovation) -> str 
     return None
 
 
-def values_of(readings: Mapping[str, Readings], instant: Moment, runs: int) -> tuple[tuple[str, ...], np.ndarray]:
-    """Sensors of an instant in the order of the log, and their readings side by side (m, numbers)."""
-    names = tuple(name for name in readings if name in instant.rows)
-    rows = [readings[name].values[..., instant.rows[name], :] for name in names]
-    if runs == 1 and all(r.ndim == 1 for r in rows):
-        return names, np.concatenate(rows)[None]
-    return names, np.concatenate([np.broadcast_to(r, (runs, r.shape[-1])) for r in rows], axis=1)
+def values_of(
+    readings: Mapping[str, Readings], plan: Sequence[Moment], runs: int
+) -> list[tuple[tuple[str, ...], np.ndarray]]:
+    """For each instant its sensors in the order of the log, and their readings side by side (m, numbers)."""
+    alike: dict[tuple[str, ...], list[int]] = {}
+    for k, instant in enumerate(plan):
+        alike.setdefault(tuple(instant.rows), []).append(k)
+    values: list[Any] = [None] * len(plan)
+    for given, places in alike.items():
+        names = tuple(name for name in readings if name in given)
+        rows = [readings[name].values[..., [plan[k].rows[name] for k in places], :] for name in names]
+        rows = [np.broadcast_to(r, (runs, *r.shape[-2:])) for r in rows]
+        z = np.ascontiguousarray(np.swapaxes(np.concatenate(rows, axis=2), 0, 1))
+        for k, row in zip(places, z, strict=True):
+            values[k] = names, row
+    return values
 
 
 class ErrorState(Filter):
@@ -181,8 +204,7 @@ class ErrorState(Filter):
     def advance(self, belief: Belief, time: float, u0: np.ndarray, u1: np.ndarray) -> tuple[Belief, Advance]:
         """Return the belief at a later time, and the step that led there."""
         step = self.system.transition(belief.time, time - belief.time, belief.x, u0, u1)
-        P = step.F @ belief.P @ step.F.mT + step.Q
-        return Belief(time, step.x, P), step
+        return Belief(time, step.x, carried(step.F, belief.P, step.Q)), step
 
     def correct(
         self, belief: Belief, names: tuple[str, ...], z: np.ndarray, u: np.ndarray
@@ -197,6 +219,9 @@ class ErrorState(Filter):
         """Return residuals (m, k) of these readings, their Jacobian H, their covariance H P H' without noise, and the
         cross-covariance P H' with the error of the state."""
         residual, H = self.system.reading(names)(belief.time, belief.x, u, z)
+        if len(H) == 1:
+            PH = np.dot(belief.P[0], H[0].T)
+            return residual, H, np.dot(H[0], PH)[None], PH[None]
         PH = belief.P @ H.mT
         return residual, H, H @ PH, PH
 
@@ -212,7 +237,7 @@ class ErrorState(Filter):
     ) -> Belief:
         """Return the belief after readings with this gain."""
         system, space = self.system, self.system.space
-        d = (K @ spread.residual[..., None])[..., 0]
+        d = np.dot(K[0], spread.residual[0])[None] if len(K) == 1 else (K @ spread.residual[..., None])[..., 0]
         for _ in range(self.iterations - 1):
             x = space.plus(belief.x, d)
             residual, H, S, PH = self.seen(Belief(belief.time, x, belief.P), names, z, u)
@@ -220,17 +245,27 @@ class ErrorState(Filter):
             again = spread_of(system, names, residual, S, PH, spread.choice)
             K = again.solved().K
             d = (K @ again.residual[..., None])[..., 0]
-        P = joseph(belief.P, K, H if spread.used.all() else np.where(spread.used[..., None], H, 0.0), spread.R)
+        P = joseph(belief.P, K, H if spread.whole else np.where(spread.used[..., None], H, 0.0), spread.R)
         if system.curved_errors:
             J = space.carried(belief.x, d)
             P = J @ P @ J.mT
         return Belief(belief.time, space.plus(belief.x, d), P)
 
 
+@lru_cache(maxsize=32)
+def _identity(n: int) -> np.ndarray:
+    one = np.eye(n)
+    one.flags.writeable = False
+    return one
+
+
 def joseph(P: np.ndarray, K: np.ndarray, H: np.ndarray, R: np.ndarray) -> np.ndarray:
     """Covariance (m, n, n) after a correction with any gain K: a sum of two positive semidefinite matrices."""
-    A = -(K @ H)
-    np.einsum("mii->mi", A)[...] += 1.0
+    if len(P) == 1:
+        K, H = K[0], H[0]
+        A = _identity(len(K)) - np.dot(K, H)
+        return (np.dot(np.dot(A, P[0]), A.T) + np.dot(K * R, K.T))[None]
+    A = _identity(K.shape[1]) - K @ H
     return A @ P @ A.mT + (K * R[:, None, :]) @ K.mT
 
 

@@ -176,10 +176,12 @@ def _score(
     q = system.space.dimension - n
     A, b = np.zeros((q, q)), np.zeros(q)
     X = np.zeros((run.runs, n, q))  # sensitivity of the estimation error to the constants
-    for k, (instant, moment) in enumerate(zip(run.kept, instants(system, readings), strict=False)):
+    plan = instants(system, readings)[: len(run.kept)]
+    values = values_of(readings, plan, run.runs)
+    for k, (instant, moment) in enumerate(zip(run.kept, plan, strict=True)):
         F = np.broadcast_to(instant.step.F, (run.runs, n + q, n + q))
         X = F[:, :n, :n] @ X + F[:, :n, n:]
-        names, z = values_of(readings, moment, run.runs)
+        names, z = values[k]
         white = np.concatenate([run.innovations[name][k] for name in names], axis=1)
         u = system.inputs_at(inputs, moment.time)
         residual, H = system.reading(names)(moment.time, instant.before.x, u, z)

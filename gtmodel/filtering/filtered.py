@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,8 +19,7 @@ MOST_WEIGHED = 1 / 3  # of the readings of a sensor: 18 % of the good ones lie b
 MOST_GATED = 0.02  # of the readings of a sensor: a gate that leaves out more hides a wrong model
 
 
-@dataclass(frozen=True, eq=False)
-class Kept:
+class Kept(NamedTuple):
     """One instant, kept for smoothing: the step that led to it, and the beliefs before and after its readings."""
 
     step: Any
@@ -163,7 +162,8 @@ class RunRecord:
         self.time = np.empty(instants)
         self.x = np.empty((instants, runs, system.space.size))
         self.variances = np.empty((instants, runs, n))
-        group = system.group([*system.sensors])
+        self.names = tuple(system.sensors)
+        group = system.group(self.names)
         self.columns = dict(zip(system.sensors, group.rows, strict=True))
         self.residuals = np.full((instants, runs, group.space.dimension), np.nan)
         self.expected = np.ones_like(self.residuals)
@@ -191,12 +191,15 @@ class RunRecord:
         k = self.n
         self.time[k], self.x[k] = time, after.x
         self.variances[k] = after.P.diagonal(0, 1, 2)
-        rows = self.system.rows_of(innovation.names)
-        whole = innovation.used.all()
+        whole = innovation.whole
         residual = innovation.residual if whole else np.where(innovation.used, innovation.residual, np.nan)
-        for name, columns in zip(innovation.names, rows, strict=True):
-            self.residuals[k, :, self.columns[name]] = residual[:, columns]
-            self.expected[k, :, self.columns[name]] = innovation.variance[:, columns]
+        if innovation.names == self.names:
+            self.residuals[k], self.expected[k] = residual, innovation.variance
+        else:
+            rows = self.system.rows_of(innovation.names)
+            for name, columns in zip(innovation.names, rows, strict=True):
+                self.residuals[k, :, self.columns[name]] = residual[:, columns]
+                self.expected[k, :, self.columns[name]] = innovation.variance[:, columns]
         if not whole:
             for n, name in enumerate(innovation.names):
                 self.gated[name] += innovation.gated[:, n]

@@ -39,7 +39,8 @@ class RowsFunction:
                 rows = len(v)
         memories, results, run, _ = self._buffers.get(rows) or self._prepared(rows)
         for memory, value in zip(memories, values, strict=True):
-            memory[...] = value
+            if memory.size:
+                memory[...] = value
         run()
         return [r.copy() for r in results]
 

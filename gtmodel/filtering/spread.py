@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import scipy
+import scipy.linalg
 
-from .belief import Innovation
+from .belief import Innovation, all_finite
 from .system import SensorGroup, System
 
+_posv: Any = scipy.linalg.get_lapack_funcs("posv", dtype=np.float64)
 LOG_TWO_PI = float(np.log(2 * np.pi))
 
 
@@ -34,11 +35,11 @@ class Spread(NamedTuple):
     """Residuals of m rows of readings, with their covariance.
 
     residual: (m, k), zero where not used. S: their covariance (m, k, k). PH: their covariance with the error of the
-    state (m, n, k). R: variance of their noise, (1, k) or (m, k). used: (m, k). gated: (m, sensors). edge:
-    log-likelihood of the readings that a gate leaves out, as if they were at its edge (m,); without it, closed gates
-    would make a log likelier. loss: term of Huber's loss to add to the log-likelihood of the squares (m,). weighed:
-    whether a reading of each sensor counts less (m, sensors). larger: factor on the variance of its noise, 1 or (m, k).
-    cut: the spread with cut residuals for the innovation, if a reading counts less.
+    state (m, n, k). R: variance of their noise, (1, k) or (m, k). used: (m, k). whole: all are used. gated: (m,
+    sensors). edge: log-likelihood of the readings that a gate leaves out, as if they were at its edge (m,); without it,
+    closed gates would make a log likelier. loss: term of Huber's loss to add to the log-likelihood of the squares (m,).
+    weighed: whether a reading of each sensor counts less (m, sensors). larger: factor on the variance of its noise, 1
+    or (m, k). cut: the spread with cut residuals for the innovation, if a reading counts less.
     """
 
     residual: np.ndarray
@@ -46,6 +47,7 @@ class Spread(NamedTuple):
     PH: np.ndarray
     R: np.ndarray
     used: np.ndarray
+    whole: bool
     gated: np.ndarray
     edge: np.ndarray | float = 0.0
     loss: np.ndarray | float = 0.0
@@ -63,6 +65,8 @@ class Spread(NamedTuple):
 
         S is scaled to a diagonal of ones first: its entries may differ by 1e8.
         """
+        if len(self.S) == 1:
+            return self._solved_alone()
         variance = self.S.diagonal(0, 1, 2)
         scale = 1.0 / np.sqrt(variance)
         unit = self.S * scale[:, :, None] * scale[:, None, :]
@@ -70,29 +74,42 @@ class Spread(NamedTuple):
         right = np.empty((m, n + 1, k))
         np.multiply(self.PH, scale[:, None, :], out=right[:, :n])
         white = right[:, n] = self.residual * scale
-        if m == 1:  # LAPACK directly, four times as fast as NumPy's functions for stacks of matrices
-            L, answer, fault = scipy.linalg.lapack.dposv(unit[0], right[0].T, lower=1)
-            solution, diagonal = answer.T[None], L.diagonal()[None]
-            if fault:
-                solution, diagonal = np.full_like(right, np.nan), np.full((1, k), np.nan)
-        else:
-            diagonal = factors(unit).diagonal(0, 1, 2)
-            lost = np.isnan(diagonal).any(axis=1)
-            if lost.any():
-                unit[lost], right[lost] = np.eye(k), np.nan
-            solution = np.linalg.solve(unit, right.mT).mT
+        diagonal = factors(unit).diagonal(0, 1, 2)
+        lost = np.isnan(diagonal).any(axis=1)
+        if lost.any():
+            unit[lost], right[lost] = np.eye(k), np.nan
+        solution = np.linalg.solve(unit, right.mT).mT
         logs = 2 * np.log(diagonal / scale).sum(axis=1)
         return Solved(solution[:, :n] * scale[:, None, :], (white * solution[:, n]).sum(axis=1), logs, variance)
+
+    def _solved_alone(self) -> Solved:
+        """`solved` for one row, by plain matrices and LAPACK: NumPy's functions for stacks take four times as long.
+
+        Cholesky's factorisation is as accurate without the scaling, which LU needs.
+        """
+        n, k = self.PH.shape[1:]
+        right = np.empty((1, n + 1, k))
+        right[:, :n], right[:, n] = self.PH, self.residual
+        L, answer, fault = _posv(self.S[0], right[0].T, lower=1)
+        if fault:
+            L, answer = np.full((k, k), np.nan), np.full((k, n + 1), np.nan)
+        solution = answer.T[None]
+        logs = 2 * np.add.reduce(np.log(L.diagonal()), keepdims=True)
+        nis = np.dot(self.residual, answer[:, n])
+        return Solved(solution[:, :n], nis, logs, self.S.diagonal(0, 1, 2))
 
     def innovation(self, names: tuple[str, ...], solved: Solved) -> Innovation:
         """Return the innovation of these readings."""
         if self.cut is not None:
             return self.cut.innovation(names, self.cut.solved())
-        count = self.used.sum(axis=1)
-        likelihood = self.edge + self.loss - 0.5 * (solved.nis + solved.log_determinant + count * LOG_TWO_PI)
+        m, k = self.used.shape
+        count = k if self.whole else self.used.sum(axis=1)
+        numbers = np.array([k] * m) if self.whole else count
+        likelihood = (solved.nis + solved.log_determinant + count * LOG_TWO_PI) * -0.5 + (self.edge + self.loss)
         return Innovation(
-            names, self.residual, solved.variance, self.used, solved.nis, count, likelihood, self.gated, self.weighed
-        )
+            names, self.residual, solved.variance, self.used, solved.nis, numbers, likelihood,
+            self.gated, self.weighed, self.whole,
+        )  # fmt: skip
 
 
 def spread_of(
@@ -108,14 +125,16 @@ def spread_of(
     S is the covariance of the readings without their noise; the noise is added in place.
     """
     group = system.group(names)
-    used = np.isfinite(residual) if chosen is None else chosen.used
     R = group.variances[None]
-    if chosen is not None:
+    if chosen is None:
+        used, whole = np.isfinite(residual), all_finite(residual)
+        S += group.noise
+    else:
+        used, whole = chosen.used, bool(chosen.used.all())
         R = R * chosen.larger
-    np.einsum("mkk->mk", S)[...] += R
-    gated = np.zeros((len(residual), len(names)), bool)
-    whole = Spread(residual, S, PH, R, used, gated)
-    s = whole if used.all() else without(whole, used)
+        np.einsum("mkk->mk", S)[...] += R
+    s = Spread(residual, S, PH, R, used, whole, np.zeros((len(residual), len(names)), bool))
+    s = s if whole else without(s, used)
     if chosen is not None or not (group.gates or group.robust):
         return s
     if group.gates:
@@ -185,6 +204,7 @@ def without(s: Spread, used: np.ndarray) -> Spread:
         np.where(used[:, None, :], s.PH, 0.0),
         np.where(used, s.R, 1.0),
         used,
+        bool(used.all()),
         s.gated,
         larger=s.larger,
     )

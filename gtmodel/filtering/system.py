@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -24,11 +25,13 @@ LONGEST_STEP = 0.01  # s; steps of a nonlinear process are divided into parts of
 
 class SensorGroup(NamedTuple):
     """Sensors that are read at the same instant. space: of their readings, side by side; rows: slice of each residual;
-    variances: of all numbers; gates, robust: index and name of the sensors with a gate, or with outlier weights."""
+    variances: of all numbers (k,); noise: the same as a diagonal matrix (1, k, k); gates, robust: index and name of the
+    sensors with a gate, or with outlier weights."""
 
     space: Manifold
     rows: tuple[slice, ...]
     variances: np.ndarray
+    noise: np.ndarray
     gates: tuple[tuple[int, str], ...]
     robust: tuple[tuple[int, str], ...]
 
@@ -111,7 +114,7 @@ class System(Portable):
             other.deviations[name] = sensor.deviations(size)
         return other
 
-    @property
+    @cached_property
     def curved_errors(self) -> bool:
         """Whether the axes of an error rotate with its point, as for directions."""
         return any(part.kind == "direction" for part in self.space.parts)
@@ -295,7 +298,7 @@ class System(Portable):
             variances = np.concatenate([self.deviations[name] ** 2 for name in key])
             gates = tuple((n, name) for n, name in enumerate(key) if self.sensors[name].gate)
             robust = tuple((n, name) for n, name in enumerate(key) if self.sensors[name].outliers)
-            self._groups[key] = SensorGroup(space, rows, variances, gates, robust)
+            self._groups[key] = SensorGroup(space, rows, variances, np.diag(variances)[None], gates, robust)
         return self._groups[key]
 
     def rows_of(self, names: Sequence[str]) -> tuple[slice, ...]:

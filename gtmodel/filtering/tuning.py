@@ -16,7 +16,7 @@ from .belief import SAME_INSTANT, Belief, InitialState, Readings, instants, read
 from .error_state import ErrorState
 from .manifold import Manifold
 from .system import System, agree_in_shape
-from .transition import Advance
+from .transition import Advance, carried
 
 TOLERANCE = 0.02  # of the logarithm of a density; far below its confidence interval on any log
 STEP = 0.1  # of the logarithm, for the curvature of the likelihood
@@ -358,7 +358,7 @@ class ScheduledNoise(ErrorState):
         k = min(int(np.searchsorted(self.time, time - SAME_INSTANT)), len(self.time) - 1)
         system = self.systems[int(self.modes[k])]
         step = system.transition(belief.time, time - belief.time, belief.x, u0, u1)
-        return Belief(time, step.x, step.F @ belief.P @ step.F.mT + step.Q), step
+        return Belief(time, step.x, carried(step.F, belief.P, step.Q)), step
 
 
 def likely_modes(probabilities: Any, chances: Any) -> np.ndarray:

@@ -15,13 +15,14 @@ from ..cgen.interface import Interface, interfaces
 from ..cgen.newton_stages import samples_of
 from ..compiler.causal import CausalFunction, CausalSignal, c_name, compile_causal
 from ..compiler.consistency.home import home_of
+from ..compiler.tunable import depends, with_parameters
 from ..lang.scope import derivative_name
 from ..lang.source import ModelError
 from ..results.refusal import ArgumentError
 from ..results.status import Status
 from .content import FmuContent
 from .table import FmuTable, FmuVariable, base_and_order, fmi_name, texts_of, unused
-from .tangents import depends, tangents, with_parameters
+from .tangents import tangents
 
 Pair = tuple[int, int]
 MOST_TURNS = 6  # of adding rates of states, whose computation may need further states
@@ -177,7 +178,7 @@ def causal_content(
         raise ArgumentError(f"'{unknown[0]}' is not a known variable; known variables are {known}", "tunable")
     begin = starts(extended, start or {})
     if parameters:
-        function, signals = with_parameters(extended.function, parameters)
+        function, signals = with_parameters(extended.function, parameters, "parameters")
         extended = replace(extended, function=function, parameters=signals)
     (face,) = interfaces({KEY: extended.function}, name)
     builder = _Table(extended, face, begin, tunable, hold)

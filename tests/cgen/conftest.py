@@ -59,8 +59,8 @@ def compiled_once() -> Iterator[None]:
     real = Toolchain.compile
 
     def compile_once(tools: Toolchain, source: Path, target: Path) -> tuple[bool, str]:
-        headers = [(p.name, p.read_bytes()) for p in sorted(source.parent.glob("*.h"))]
-        key = (tools.cc, source.name, source.read_bytes(), *headers)
+        others = sorted([*source.parent.glob("*.h"), *source.parent.glob("*_body.c")])  # guards may include bodies
+        key = (tools.cc, source.name, source.read_bytes(), *[(p.name, p.read_bytes()) for p in others])
         if key not in made:
             good, text = real(tools, source, target)
             made[key] = good, text, target.read_bytes() if good else b""

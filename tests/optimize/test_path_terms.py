@@ -50,7 +50,7 @@ def test_nothing_at_all():
 
 
 def test_inverse_dynamics_become_few_products():
-    quantities = symbolic(Motion(0.0))
+    quantities = symbolic(Motion(0.0).robot)
     x, place = ca.SX.sym("x", 3), ca.SX.sym("place", 9)
     v, b, a = ca.vertsplit(x)
     home, slope, curvature = ca.vertsplit(place, [0, 3, 6, 9])

@@ -39,6 +39,6 @@ def test_the_same_optimum(motion):
 
 
 def test_the_line_by_two_methods(motion):
-    squares, radau = solve_squares(symbolic(motion), 100), solve_line(motion, 30)
+    squares, radau = solve_squares(symbolic(motion.robot), 100), solve_line(motion, 30)
     assert squares.converged and radau.converged
     assert squares.objective == pytest.approx(radau.objective, rel=CLOSE)
