@@ -14,7 +14,6 @@ from ..cgen.steps.function import StepFunction, StepMember, StepTwin, dtype_of, 
 from ..results.refusal import ArgumentError
 from ..results.status import Status
 from .interior_point import InteriorPoint
-from .kernels import KERNELS
 from .qp_text import QPText, init_text
 from .stage_qp import StageQP
 
@@ -132,7 +131,7 @@ class ControllerQP(StepFunction, Portable):
     def facts(self) -> Mapping[str, Any]:
         """Return the data from which the code was generated."""
         qp = self.qp
-        text = [str(f[k]) for f in qp.kernels for k in KERNELS]
+        text = [str(f[k]) for f in qp.kernels for k in f]
         numbers = [float(v).hex() for v in (self.period, qp.tolerance)]
         sides = [[str(d.bound), d.sign, d.row, d.price] for s in (qp.stage, qp.last) for d in s.sides]
         matrices = [str(v) for s in (qp.stage, qp.last) for v in s.matrices.values()]

@@ -111,7 +111,7 @@ class HorizonStage(Portable):
                 if limit is not None:
                     _check_symbols(f"rows[{i}]", ca.SX(limit), ca.SX(0, 1), ca.SX(0, 1), self.data)
                     sides.append(Side(i, sign, sign * (ca.SX(limit) - offset[i]), row.price))
-        return sides
+        return sorted(sides, key=lambda side: side.price is not None)  # the exact ones first
 
     @property
     def states(self) -> int:

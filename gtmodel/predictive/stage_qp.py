@@ -123,7 +123,7 @@ class StageQP(Portable):
             x: first state, (n,).
             data: of the stages, (count, numbers), or (numbers,) for all of them.
             last_data: of the last stage.
-            start: solution of a problem nearby, such as that of the last cycle: about half of the iterations.
+            start: solution of a problem nearby, such as that of the last cycle: about a sixth fewer iterations.
 
         Raises ArgumentError for a wrong size; numbers that are not finite give a status.
         """
