@@ -19,9 +19,10 @@ from ..cgen.real import DOUBLE, Real
 from ..results.status import Status
 from .stage import HorizonStage
 
-FIRST, AGAIN = 10.0, 1.0  # first products: their sum over 1 + |cost|, without and with a start
+FIRST, AGAIN = 300.0, 1.0  # first products: their sum over 1 + |cost|, without and with a start
 COLD = 1.0  # least distance at the beginning
 TO_BOUNDARY = 0.995
+ENOUGH = 0.1  # the gap is not made smaller than this share of its tolerance
 GRADIENT = 10.0  # tolerances: the gradient, over that of the gap
 
 Columns = list[np.ndarray]
@@ -294,7 +295,8 @@ class InteriorPoint:
             reach = _larger(-min(least, least_end), one + max(most, most_end))
             length = one / _larger(reach, one)
             ratio = _larger(one - length - length * (length * (_sum(zero, minus, minus_end) / gap)), zero)
-            centre = ratio * (ratio * (ratio * gap)) / self.products
+            enough = self.real.dtype(ENOUGH) * (self.tolerance * (one + abs(total)))
+            centre = _larger(ratio * (ratio * (ratio * gap)), enough) / self.products
             slope, slope_end = at.aimed(centre), at_end.aimed(centre)
             dx, du, dy, dy_end = self._stepped(p, q, slope, slope_end, by_x, by_u, by_end, factor)
             reach, boundary = -min(at.changed(dy), at_end.changed(dy_end)), self.real.dtype(TO_BOUNDARY)

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from .._pickling import Portable
+from ..cgen.real import DOUBLE, Real
 from ..results.refusal import ArgumentError
 from ..results.status import Status
 from .interior_point import InteriorPoint
@@ -18,6 +19,7 @@ from .stage import HorizonStage
 
 MAX_ITERATIONS = 30
 TOLERANCE = 1e-8
+IN_FLOAT = 1e-4  # least tolerance in float
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +108,11 @@ class StageQP(Portable):
             )
         self.stage, self.count, self.last = stage, count, last
         self.tolerance, self.max_iterations = tolerance, max_iterations
+
+    def tolerance_in(self, real: Real) -> float:
+        """Return the tolerance in this number type: that of float is wider, since a distance times its multiplier,
+        summed over all limits, must stay far above round-off."""
+        return self.tolerance if real is DOUBLE else max(self.tolerance, IN_FLOAT)
 
     @cached_property
     def kernels(self) -> tuple[dict[str, ca.Function], dict[str, ca.Function]]:
