@@ -15,13 +15,14 @@ from ..cgen.interface import Interface, interfaces
 from ..cgen.newton_stages import samples_of
 from ..compiler.causal import CausalFunction, CausalSignal, c_name, compile_causal
 from ..compiler.consistency.home import home_of
+from ..compiler.derivative import depends
 from ..lang.scope import derivative_name
 from ..lang.source import ModelError
 from ..results.refusal import ArgumentError
 from ..results.status import Status
 from .content import FmuContent
 from .table import FmuTable, FmuVariable, base_and_order, fmi_name, texts_of, unused
-from .tangents import depends, tangents, with_parameters
+from .tangents import tangents, with_parameters
 
 Pair = tuple[int, int]
 MOST_TURNS = 6  # of adding rates of states, whose computation may need further states

@@ -15,6 +15,7 @@ from ..cgen.body import body
 from ..cgen.interface import Interface
 from ..cgen.wrapper import scratch
 from ..compiler.causal import CausalFunction, CausalSignal
+from ..compiler.derivative import depends, given_by
 from ..compiler.flat import FlatModel, FlatVariable
 from ..compiler.plan import CausalPlan, make_plan
 from ..lang.bind import ParameterRecord
@@ -31,37 +32,6 @@ class TangentFiles:
     files: dict[str, str]
     header: str
     text: str
-
-
-def given_by(f: CausalFunction) -> tuple[list[ca.SX], list[ca.SX], ca.SX]:
-    """Return symbols of the inputs and of Newton's unknowns, and all outputs as a column."""
-    args = f.closed.sx_in()
-    blocks = len(f.kernels)
-    inputs = args[: len(args) - blocks]
-    results = f.closed.call(args)[: len(f.outputs)]
-    return inputs, args[len(args) - blocks :], ca.vertcat(*[ca.densify(ca.SX(r)) for r in results])
-
-
-def depends(f: CausalFunction) -> list[set[int]]:
-    """Return for each output number the input numbers it depends on."""
-    inputs, zs, outputs = given_by(f)
-    x = ca.vertcat(*inputs) if inputs else ca.SX(0, 1)
-    n = x.numel()
-    of_z: list[set[int]] = []
-    for kernel, z in zip(f.kernels, zs, strict=True):
-        a, unknowns = ca.SX.sym("a", len(kernel.a0)), ca.SX.sym("z", z.numel())
-        r = kernel.residual.call([unknowns, a])[0]
-        columns = set(ca.jacobian_sparsity(r, a).get_triplet()[1])
-        inner = {c for c in columns if c < n}
-        for c in columns - inner:
-            inner |= of_z[c - n]
-        of_z += [inner] * z.numel()
-    full = ca.vertcat(x, *zs)
-    rows, columns = ca.jacobian_sparsity(outputs, full).get_triplet()
-    result: list[set[int]] = [set() for _ in range(outputs.numel())]
-    for r, c in zip(rows, columns, strict=True):
-        result[r] |= {c} if c < n else of_z[c - n]
-    return result
 
 
 def tangents(f: CausalFunction, face: Interface, name: str) -> TangentFiles:
