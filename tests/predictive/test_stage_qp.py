@@ -18,7 +18,7 @@ from gtmodel.results import ArgumentError
 SX = ca.SX
 OPTIMAL = 1e-7  # of the cost: the tolerance is 1e-8 of 1 + |cost|, and the gap bounds the cost above the optimum
 FEASIBLE = 1e-7
-FEW, MANY = 16, 10_000
+FEW, MANY = 16, 300  # problems whose shape is drawn too; test_stage_qp_draws.py draws thousands
 SOLVED = 0.9  # of the draws: the others have limits that exclude each other
 LQR = 1e-9
 
