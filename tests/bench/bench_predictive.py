@@ -239,7 +239,7 @@ def by_casadi(f: dict[str, Any], plugin: str, folder: Path | None) -> tuple[floa
         solver = ca.external("whole", str(folder / "rival.so"))
     begun = time.process_time()
     try:
-        o = solver(h=H, g=f["c"], a=A, lba=low, uba=high)
+        o = solver(h=H, g=f["c"], a=A, lba=low, uba=high, lbx=-np.inf, ubx=np.inf)
     except RuntimeError:  # generated code that found no solution
         return np.nan, np.nan
     spent = time.process_time() - begun
