@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import shutil
 import subprocess
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -91,10 +92,12 @@ def write(qp: StageQP, folder: Path, real: Real = DOUBLE) -> Path:
 class CompiledQP:
     """A problem in C, compiled into `folder`."""
 
-    def __init__(self, qp: StageQP, folder: Path, real: Real = DOUBLE) -> None:
+    def __init__(
+        self, qp: StageQP, folder: Path, real: Real = DOUBLE, compiler: str = "gcc", flags: Sequence[str] = FLAGS
+    ) -> None:
         source, library = write(qp, folder, real), folder / "qp.so"
         subprocess.run(
-            ["gcc", *FLAGS, "-shared", "-fPIC", f"-I{folder}", str(source), "-o", str(library), "-lm"], check=True
+            [compiler, *flags, "-shared", "-fPIC", f"-I{folder}", str(source), "-o", str(library), "-lm"], check=True
         )
         self.qp, self.real = qp, real
         self._solve = ctypes.CDLL(str(library)).gt_qp_solve

@@ -3,6 +3,7 @@ NumPy judges from the drawn matrices. What has no solution, or no sense, is neve
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -188,6 +189,35 @@ def test_many_drawn_problems_in_c(shape: tuple[int, int, int], tmp_path: Path) -
     shares = np.array(compared(shape, MANY // len(SHAPES), 4, tmp_path))
     assert len(shares) > 0.5 * MANY / len(SHAPES)
     assert shares.min() == 0.0 and shares.max() >= 0.9
+
+
+STRICT = ("-std=c99", "-ffp-contract=off")
+
+
+@needs_gcc
+@pytest.mark.parametrize(
+    ("real", "draws"),
+    [(DOUBLE, 60), *[pytest.param(real, 5000, marks=pytest.mark.proof) for real in (DOUBLE, FLOAT)]],
+)
+@pytest.mark.parametrize("compiler", ["gcc -O3", "clang -O2"])
+def test_compilers_agree_bit_for_bit(compiler: str, real: Any, draws: int, tmp_path: Path) -> None:
+    name, level = compiler.split()
+    if shutil.which(name) is None:
+        pytest.skip(f"there is no {name} on this machine: install the package {name}")
+    n, m, count = 2, 1, 6
+    qp, rng = program(n, m, count), np.random.default_rng(6)
+    ours = CompiledQP(qp, tmp_path / "a", real)
+    other = CompiledQP(qp, tmp_path / "b", real, name, (*STRICT, level))
+    start = None
+    for _ in range(draws):
+        d = drawn(rng, n, m)
+        a, b = (s.solve(d.x, np.tile(d.data, count), (), start) for s in (ours, other))
+        assert (a.status, a.iterations) == (b.status, b.iterations)
+        assert all(np.array_equal(v, w, equal_nan=True) for v, w in ((a.x, b.x), (a.u, b.u)))
+        start = None
+        if a.status == Status.OK:  # else there are no sides
+            assert np.array_equal(a.sides, b.sides)
+            start = a.sides if rng.random() < 0.5 else None
 
 
 def absurd(rng: np.random.Generator, d: Draw) -> dict[str, Any]:
