@@ -32,7 +32,8 @@ class StageSolution:
     x: states, (stages + 1, n). u: inputs, (stages, m). cost: with prices. iterations: of the interior point.
     gap: sum of distance times multiplier over all limits, which bounds the cost above the optimum. residual: sum of
     what the limits lack. gradient: sum of the absolute derivatives by the inputs.
-    sides, last_sides: distances t and multipliers l of the limits, then excesses and their multipliers, by stage.
+    sides, last_sides: distances t and multipliers l of the limits (`HorizonStage.sides`), then excesses and their
+    multipliers, by stage.
 
     >>> import casadi as ca
     >>> x, u, none = ca.SX.sym("x"), ca.SX.sym("u"), ca.SX(0, 1)

@@ -37,6 +37,7 @@ MODES = ("SPEED_ABS", "SPEED", "BALANCE", "ROBUST")
 STARTS = (0.0, 1e2, 1e4)  # mu0 of HPIPM; 0: its own
 CAP = 20  # iterations, of problems/l1_predictive.toml
 TOLERANCE = 1e-6  # of ControlHorizon
+CHUNK = 1000  # problems in one file
 RIVALS = 10  # problems for rivals called from Python
 
 
@@ -50,17 +51,15 @@ def law(stages: int = 40) -> Controller:
 
 
 def drawn(c: Controller, count: int, seed: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """First state, data and last data of cold cycles."""
+    """First state, data and last data of cold cycles, which plan from a state that stays."""
     rng, program, n = np.random.default_rng(seed), c.program, c.program.qp.stage.states
-    prepare = program.prepare.map(program.qp.count)
     problems = []
     for _ in range(count):
         T, goal = rng.uniform(LOW, HIGH), rng.uniform(LOW, HIGH)
         x = np.ravel(np.column_stack([T, rng.uniform(-1, 1, 3) * rng.choice(SPEEDS)]))
-        wide = [np.repeat(v[:, None], program.qp.count, axis=1) for v in (x, c.first, np.zeros(0), goal, x)]
-        data = np.asarray(prepare(*wide).full())
+        data = np.asarray(program.prepare(x, c.first, np.zeros(0), goal, x).full())[:, 0]
         last = np.asarray(program.finish(x, np.zeros(0), goal).full())[:, 0]
-        problems.append((np.zeros(n), data.T.copy(), last))
+        problems.append((np.zeros(n), np.tile(data, (program.qp.count, 1)), last))
     return problems
 
 
@@ -86,10 +85,11 @@ def record(qp: StageQP, problems: list[Any], path: Path) -> None:
     of, end = matrices(qp)
     with path.open("wb") as f:
         for x, data, last in problems:
-            flat, constant = of.map(qp.count)(data.T)
+            once, where = np.unique(data, axis=0, return_inverse=True)
+            flat, constant = (v.full()[:, where.reshape(-1)] for v in of.map(len(once))(once.T))
             ending, more = end(last)
             np.concatenate([
-                x, data.ravel(), last, [float(ca.sum2(constant)) + float(more)], flat.full().ravel(order="F"),
+                x, data.ravel(), last, [np.sum(constant) + float(more)], flat.ravel(order="F"),
                 ending.full().ravel(),
             ]).astype(float).tofile(f)  # fmt: skip
 
@@ -272,8 +272,8 @@ def from_python(qp: StageQP, problems: list[Any], rows: np.ndarray, folder: Path
 def of_drawn(c: Controller, program: Path, folder: Path, draws: int) -> None:
     """Print the iterations of many cold programs."""
     counted, failed = np.zeros(CAP + 1, int), 0
-    for first in range(0, draws, 2000):
-        record(c.program.qp, drawn(c, min(2000, draws - first), 100 + first), folder / "draws")
+    for first in range(0, draws, CHUNK):
+        record(c.program.qp, drawn(c, min(CHUNK, draws - first), 100 + first), folder / "draws")
         rows = solved(program, folder / "draws", 1, 1, 0.0)
         counted += np.bincount(rows[:, 0].astype(int), minlength=CAP + 1)
         failed += int(np.sum(rows[:, 1] != 0))
