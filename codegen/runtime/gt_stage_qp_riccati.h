@@ -4,44 +4,101 @@
 
 #include "gt_stage_qp_types.h"
 
-/* Gains and offsets of the inputs. GT_SINGULAR if a pivot is too small. */
+/* a + length * b in place */
+static inline void gt_stage_qp_moved(double *a, const double *b, double length, int size)
+{
+    int k;
+
+    for (k = 0; k < size; k++) {
+        a[k] += length * b[k];
+    }
+}
+
+/* Bounds of the limits; states and rows of the inputs. */
+static inline void gt_stage_qp_followed(const gt_stage_qp_call *c)
+{
+    const gt_stage_qp *f = c->f;
+    const gt_stage_qp_work *w = c->w;
+    const double *arg[3];
+    double *res[2];
+    int k;
+    int j;
+
+    for (k = 0; k <= f->count; k++) {
+        const gt_stage_qp_stage *s = (k < f->count) ? &f->stage : &f->last;
+
+        arg[0] = (k < f->count) ? &c->data[k * f->stage.numbers] : c->last_data;
+        res[0] = w->bound;
+        res[1] = w->gradient;
+        (void)s->given(arg, res, 0, 0, 0);
+        for (j = 0; j < s->limits; j++) {
+            w->limits[(k * f->stage.limits) + j].bound = w->bound[j];
+        }
+        arg[1] = &w->x[k * f->states];
+        arg[2] = &w->u[k * f->inputs];
+        res[0] = &w->y[k * f->stage.rows];
+        res[1] = &w->x[(k + 1) * f->states];
+        (void)s->move(arg, res, 0, 0, 0);
+        if (k < f->count) {
+            gt_stage_qp_moved(res[1], w->gradient, 1.0, f->states);
+        }
+    }
+}
+
+/* Derivatives of the cost by states and inputs. Returns the cost without prices. */
+static inline double gt_stage_qp_graded(const gt_stage_qp_call *c)
+{
+    const gt_stage_qp *f = c->f;
+    const gt_stage_qp_work *w = c->w;
+    const double *arg[3];
+    double *res[3];
+    double cost = 0.0;
+    double total = 0.0;
+    int k;
+
+    res[0] = &cost;
+    for (k = 0; k <= f->count; k++) {
+        const gt_stage_qp_stage *s = (k < f->count) ? &f->stage : &f->last;
+
+        arg[0] = (k < f->count) ? &c->data[k * f->stage.numbers] : c->last_data;
+        arg[1] = &w->x[k * f->states];
+        arg[2] = &w->u[k * f->inputs];
+        res[1] = &w->by_x[k * f->states];
+        res[2] = &w->by_u[k * f->inputs];
+        (void)s->grade(arg, res, 0, 0, 0);
+        total += cost;
+    }
+    return total;
+}
+
+/* Gains of the inputs. GT_SINGULAR if a pivot is too small. */
 static inline gt_status gt_stage_qp_factored(const gt_stage_qp_call *c)
 {
     const gt_stage_qp *f = c->f;
     const gt_stage_qp_work *w = c->w;
-    const double *arg[7];
-    double *res[7];
+    const int below = (f->inputs * (f->inputs - 1)) / 2;
+    const double *arg[3];
+    double *res[5];
     double *now = w->hessian;
-    double *before = &w->hessian[f->upper];
-    double *gradient = w->gradient;
-    double *gradient_before = &w->gradient[f->states];
+    double *before = &w->hessian[(f->states * (f->states + 1)) / 2];
     int k;
     int j;
 
     arg[0] = c->last_data;
-    arg[1] = &w->x[f->count * f->states];
-    arg[2] = &w->weight[f->count * f->stage.rows];
-    arg[3] = &w->slope[f->count * f->stage.rows];
+    arg[1] = &w->weight[f->count * f->stage.rows];
     res[0] = now;
-    res[1] = gradient;
     (void)f->last.factor(arg, res, 0, 0, 0);
     for (k = f->count - 1; k >= 0; k--) {
         double *swap = now;
 
-        arg[0] = now;
-        arg[1] = gradient;
-        arg[2] = &c->data[k * f->stage.numbers];
-        arg[3] = &w->x[k * f->states];
-        arg[4] = &w->u[k * f->inputs];
-        arg[5] = &w->weight[k * f->stage.rows];
-        arg[6] = &w->slope[k * f->stage.rows];
+        arg[0] = &c->data[k * f->stage.numbers];
+        arg[1] = &w->weight[k * f->stage.rows];
+        arg[2] = now;
         res[0] = before;
-        res[1] = gradient_before;
-        res[2] = &w->gain[k * f->inputs * f->states];
-        res[3] = &w->offset[k * f->inputs];
-        res[4] = &w->lower[k * f->lower];
-        res[5] = &w->inverse[k * f->inputs];
-        res[6] = w->part;
+        res[1] = &w->gain[k * f->inputs * f->states];
+        res[2] = &w->lower[k * below];
+        res[3] = &w->inverse[k * f->inputs];
+        res[4] = w->part;
         (void)f->stage.factor(arg, res, 0, 0, 0);
         for (j = 0; j < f->inputs; j++) {
             if (!(w->part[j] > 0.0)) {
@@ -50,123 +107,98 @@ static inline gt_status gt_stage_qp_factored(const gt_stage_qp_call *c)
         }
         now = before;
         before = swap;
-        swap = gradient;
-        gradient = gradient_before;
-        gradient_before = swap;
     }
     return GT_OK;
 }
 
-/* Offsets of the inputs for new slopes. */
-static inline void gt_stage_qp_again(const gt_stage_qp_call *c)
+/* Derivatives by the state and the inputs of stage k for the slopes of the rows; g: by the state after it. */
+static inline void gt_stage_qp_pulled(const gt_stage_qp_call *c, int k, const double *g, double *h)
 {
     const gt_stage_qp *f = c->f;
     const gt_stage_qp_work *w = c->w;
-    const double *arg[8];
+    const double *arg[5];
     double *res[2];
-    double *now = w->gradient;
-    double *before = &w->gradient[f->states];
-    int k;
 
-    arg[0] = c->last_data;
-    arg[1] = &w->x[f->count * f->states];
-    arg[2] = &w->slope[f->count * f->stage.rows];
-    res[0] = now;
-    (void)f->last.vector(arg, res, 0, 0, 0);
-    for (k = f->count - 1; k >= 0; k--) {
-        double *swap = now;
-
-        arg[0] = now;
-        arg[1] = &c->data[k * f->stage.numbers];
-        arg[2] = &w->x[k * f->states];
-        arg[3] = &w->u[k * f->inputs];
-        arg[4] = &w->slope[k * f->stage.rows];
-        arg[5] = &w->gain[k * f->inputs * f->states];
-        arg[6] = &w->lower[k * f->lower];
-        arg[7] = &w->inverse[k * f->inputs];
-        res[0] = before;
-        res[1] = &w->offset[k * f->inputs];
-        (void)f->stage.vector(arg, res, 0, 0, 0);
-        now = before;
-        before = swap;
-    }
+    arg[0] = (k < f->count) ? &c->data[k * f->stage.numbers] : c->last_data;
+    arg[1] = &w->slope[k * f->stage.rows];
+    arg[2] = &w->by_x[k * f->states];
+    arg[3] = &w->by_u[k * f->inputs];
+    arg[4] = g;
+    res[0] = h;
+    res[1] = w->part;
+    (void)((k < f->count) ? &f->stage : &f->last)->pull(arg, res, 0, 0, 0);
 }
 
-/* Changes of the inputs and the sides, and their products. Returns the largest decrease of a side over the side. */
-static inline double gt_stage_qp_changed(const gt_stage_qp_call *c, double centre)
+/* Sum of the absolute derivatives by the inputs for the slopes of the rows. */
+static inline double gt_stage_qp_sloped(const gt_stage_qp_call *c)
 {
     const gt_stage_qp *f = c->f;
     const gt_stage_qp_work *w = c->w;
-    const double *arg[6];
-    double *res[3];
-    double *now = w->dx;
-    double *after = &w->dx[f->states];
-    double largest = 0.0;
+    double *now = w->gradient;
+    double *before = &w->gradient[f->states];
+    double total = 0.0;
     int k;
     int j;
 
-    for (j = 0; j < f->states; j++) {
-        now[j] = 0.0;
-    }
-    for (k = 0; k <= f->count; k++) {
-        const gt_stage_qp_stage *stage = gt_stage_qp_at(c, k, arg);
-        const double *sides = arg[2];
-        double *change = &w->change[k * f->stage.sides];
+    gt_stage_qp_pulled(c, f->count, 0, now);
+    for (k = f->count - 1; k >= 0; k--) {
         double *swap = now;
 
-        if (k < f->count) {
-            const double *motion[4] = {now, arg[0], &w->gain[k * f->inputs * f->states], &w->offset[k * f->inputs]};
-
-            res[0] = after;
-            res[1] = &w->du[k * f->inputs];
-            res[2] = w->dy;
-            (void)stage->move(motion, res, 0, 0, 0);
-        } else {
-            const double *motion[2] = {arg[0], now};
-
-            res[0] = w->dy;
-            (void)stage->move(motion, res, 0, 0, 0);
+        gt_stage_qp_pulled(c, k, now, before);
+        for (j = 0; j < f->inputs; j++) {
+            total += fabs(w->part[j]);
         }
-        now = after;
-        after = swap;
-        arg[3] = &centre;
-        arg[4] = &w->product[k * f->stage.products];
-        arg[5] = w->dy;
-        res[0] = change;
-        res[1] = w->part;
-        (void)stage->change(arg, res, 0, 0, 0);
-        gt_copy(&w->product[k * f->stage.products], w->part, stage->products);
-        for (j = 0; j < stage->sides; j++) {
-            const double decrease = -change[j] / sides[j];
-
-            if (decrease > largest) {
-                largest = decrease;
-            }
-        }
+        now = before;
+        before = swap;
     }
-    return largest;
+    return total;
 }
 
-/* The gap after a step. */
-static inline double gt_stage_qp_ahead(const gt_stage_qp_call *c, double length)
+/* Changes of the inputs, the states and the rows for the slopes of the rows. */
+static inline void gt_stage_qp_stepped(const gt_stage_qp_call *c)
 {
     const gt_stage_qp *f = c->f;
     const gt_stage_qp_work *w = c->w;
-    const double *arg[3];
-    double *res[1];
-    double part = 0.0;
-    double total = 0.0;
+    const int n = f->states;
+    const int m = f->inputs;
+    const double *arg[5];
+    double *res[2];
+    double *now = w->gradient;
+    double *before = &w->gradient[n];
     int k;
 
-    arg[2] = &length;
-    res[0] = &part;
-    for (k = 0; k <= f->count; k++) {
-        arg[0] = &w->sides[k * f->stage.sides];
-        arg[1] = &w->change[k * f->stage.sides];
-        (void)((k < f->count) ? f->stage.ahead(arg, res, 0, 0, 0) : f->last.ahead(arg, res, 0, 0, 0));
-        total += part;
+    gt_stage_qp_pulled(c, f->count, 0, now);
+    for (k = f->count - 1; k >= 0; k--) {
+        gt_stage_qp_pulled(c, k, now, before);
+        arg[0] = before;
+        arg[1] = w->part;
+        arg[2] = &w->gain[k * m * n];
+        arg[3] = &w->lower[k * ((m * (m - 1)) / 2)];
+        arg[4] = &w->inverse[k * m];
+        res[0] = now;
+        res[1] = &w->offset[k * m];
+        (void)f->stage.offset(arg, res, 0, 0, 0);
     }
-    return total;
+    for (k = 0; k < n; k++) {
+        w->dx[k] = 0.0;
+    }
+    for (k = 0; k < f->count; k++) {
+        arg[0] = &w->dx[k * n];
+        arg[1] = &w->gain[k * m * n];
+        arg[2] = &w->offset[k * m];
+        res[0] = &w->du[k * m];
+        (void)f->stage.feed(arg, res, 0, 0, 0);
+        arg[2] = res[0];
+        arg[1] = arg[0];
+        arg[0] = &c->data[k * f->stage.numbers];
+        res[0] = &w->dy[k * f->stage.rows];
+        res[1] = &w->dx[(k + 1) * n];
+        (void)f->stage.move(arg, res, 0, 0, 0);
+    }
+    arg[0] = c->last_data;
+    arg[1] = &w->dx[f->count * n];
+    res[0] = &w->dy[f->count * f->stage.rows];
+    (void)f->last.move(arg, res, 0, 0, 0);
 }
 
 #endif

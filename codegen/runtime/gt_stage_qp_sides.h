@@ -1,148 +1,151 @@
-/* States and limits of all stages, and how far an iterate is from the optimum, for gt_stage_qp.h. */
+/* Distances, multipliers and excesses: their start, how far they are from the optimum, and the solution, for
+ * gt_stage_qp.h. */
 #ifndef GT_STAGE_QP_SIDES_H
 #define GT_STAGE_QP_SIDES_H
 
 #include "gt_stage_qp_types.h"
 
-/* The gradient may be so many times the gap. */
-#define GT_STAGE_QP_GRADIENT 10.0
-/* States, rows and cost without prices from the inputs. */
-static inline double gt_stage_qp_followed(const gt_stage_qp_call *c)
+/* Least distance at the beginning. */
+#define GT_STAGE_QP_COLD 1.0
+
+/* First numbers whose products are `centre`. */
+static inline void gt_stage_qp_begun(const gt_stage_qp_call *c, double centre)
 {
-    const gt_stage_qp *f = c->f;
-    const gt_stage_qp_work *w = c->w;
-    const double *arg[3];
-    double *res[3];
-    double total = 0.0;
-    double cost = 0.0;
     int k;
 
-    for (k = 0; k < f->count; k++) {
-        arg[0] = &w->x[k * f->states];
-        arg[1] = &c->data[k * f->stage.numbers];
-        arg[2] = &w->u[k * f->inputs];
-        res[0] = &w->x[(k + 1) * f->states];
-        res[1] = &w->y[k * f->stage.rows];
-        res[2] = &cost;
-        (void)f->stage.follow(arg, res, 0, 0, 0);
-        total += cost;
-    }
-    arg[0] = c->last_data;
-    arg[1] = &w->x[f->count * f->states];
-    res[0] = &w->y[f->count * f->stage.rows];
-    res[1] = &cost;
-    (void)f->last.follow(arg, res, 0, 0, 0);
-    return total + cost;
-}
+    for (k = 0; k <= c->f->count; k++) {
+        const gt_stage_qp_place at = gt_stage_qp_at(c, k);
+        const double *price = at.of->price;
+        int j;
 
-/* First sides, or those of an earlier solution away from zero. */
-static inline void gt_stage_qp_begun(const gt_stage_qp_call *c, const double *start)
-{
-    const gt_stage_qp *f = c->f;
-    const gt_stage_qp_work *w = c->w;
-    const double *arg[3];
-    double *res[1];
-    int k;
+        for (j = 0; j < at.of->limits; j++) {
+            gt_stage_qp_limit *h = &at.limit[j];
 
-    for (k = 0; k <= f->count; k++) {
-        const gt_stage_qp_stage *stage = gt_stage_qp_at(c, k, arg);
-
-        res[0] = &w->sides[k * f->stage.sides];
-        if (start != 0) {
-            arg[0] = &start[k * f->stage.sides];
-            (void)stage->push(arg, res, 0, 0, 0);
-        } else {
-            (void)stage->begin(arg, res, 0, 0, 0);
+            h->t = gt_stage_qp_larger((at.of->sign[j] * at.y[at.of->row[j]]) - h->bound, GT_STAGE_QP_COLD);
+            h->l = centre / h->t;
+        }
+        for (j = 0; j < at.of->soft; j++) {
+            at.excess[j].v = price[0] + price[1];
+            at.excess[j].e = centre / at.excess[j].v;
+            price += 2;
         }
     }
 }
 
-/* Gap, residual and gradient; adds the price to the cost. */
-static inline void gt_stage_qp_judged(const gt_stage_qp_call *c, double cost, gt_stage_qp_outcome *out)
+/* t with t - 1 / t = d */
+static inline double gt_stage_qp_centred(double d)
 {
-    const gt_stage_qp *f = c->f;
-    const gt_stage_qp_work *w = c->w;
-    const double *arg[5];
-    double *res[4];
-    double part[4] = {0.0, 0.0, 0.0, 0.0};
-    double sum[4] = {0.0, 0.0, 0.0, 0.0};
-    double total = 0.0;
-    double inputs = 0.0;
-    double *now = w->gradient;
-    double *before = &w->gradient[f->states];
-    int k;
-    int j;
+    const double root = sqrt((d * d) + 4.0);
 
-    for (j = 0; j < 4; j++) {
-        res[j] = &part[j];
-    }
-    for (k = 0; k <= f->count; k++) {
-        (void)gt_stage_qp_at(c, k, arg)->judge(arg, res, 0, 0, 0);
-        for (j = 0; j < 4; j++) {
-            sum[j] += part[j];
+    return (d > 0.0) ? (0.5 * (root + d)) : (2.0 / (root - d));
+}
+
+/* The same near an earlier solution: distance minus multiplier / centre stays. */
+static inline void gt_stage_qp_pushed(const gt_stage_qp_call *c, const double *start, double centre)
+{
+    int k;
+
+    for (k = 0; k <= c->f->count; k++) {
+        const gt_stage_qp_place at = gt_stage_qp_at(c, k);
+        const double *t = &start[k * c->f->stage.sides];
+        const double *e = &t[2 * at.of->limits];
+        int j;
+
+        for (j = 0; j < at.of->limits; j++) {
+            at.limit[j].t = gt_stage_qp_centred(t[j] - (t[j + at.of->limits] / centre));
+            at.limit[j].l = centre / at.limit[j].t;
+        }
+        for (j = 0; j < at.of->soft; j++) {
+            at.excess[j].e = gt_stage_qp_centred(e[j] - (e[j + at.of->soft] / centre));
+            at.excess[j].v = centre / at.excess[j].e;
         }
     }
-    arg[0] = c->last_data;
-    arg[1] = &w->x[f->count * f->states];
-    arg[2] = &w->sides[f->count * f->stage.sides];
-    res[0] = now;
-    (void)f->last.adjoint(arg, res, 0, 0, 0);
-    res[1] = &inputs;
-    for (k = f->count - 1; k >= 0; k--) {
-        double *swap = now;
-
-        arg[0] = now;
-        arg[1] = &c->data[k * f->stage.numbers];
-        arg[2] = &w->x[k * f->states];
-        arg[3] = &w->u[k * f->inputs];
-        arg[4] = &w->sides[k * f->stage.sides];
-        res[0] = before;
-        (void)f->stage.adjoint(arg, res, 0, 0, 0);
-        total += inputs;
-        now = before;
-        before = swap;
-    }
-    out->gap = sum[0];
-    out->residual = sum[1];
-    out->gradient = sum[2] + total;
-    out->cost = cost + sum[3];
 }
 
-/* GT_OK, GT_NOT_FINITE, or GT_NOT_CONVERGED as long as a tolerance is not met. */
-static inline gt_status gt_stage_qp_status(const gt_stage_qp *f, const gt_stage_qp_outcome *out)
+/* Residuals of the limits, gap, gradient of the excesses, and cost with prices. */
+static inline void gt_stage_qp_measured(const gt_stage_qp_call *c, double cost, gt_stage_qp_outcome *out)
 {
-    const double numbers[4] = {out->gap, out->residual, out->gradient, out->cost};
-    const double allowed = f->tolerance * (1.0 + fabs(out->cost));
-    gt_status status = GT_NOT_CONVERGED;
-
-    if (gt_all_finite(numbers, 4) == 0) {
-        status = GT_NOT_FINITE;
-    } else if ((out->gap <= allowed) && (out->residual <= f->tolerance)
-               && (out->gradient <= (GT_STAGE_QP_GRADIENT * allowed))) {
-        status = GT_OK;
-    } else {
-        /* another iteration */
-    }
-    return status;
-}
-
-/* Weights and slopes of the rows for a centre, from the products of the last changes. */
-static inline void gt_stage_qp_weighed(const gt_stage_qp_call *c, double centre)
-{
-    const gt_stage_qp *f = c->f;
-    const gt_stage_qp_work *w = c->w;
-    const double *arg[5];
-    double *res[2];
+    double gap = 0.0;
+    double residual = 0.0;
+    double gradient = 0.0;
+    double total = cost;
     int k;
 
-    arg[3] = &centre;
-    for (k = 0; k <= f->count; k++) {
-        const gt_stage_qp_stage *stage = gt_stage_qp_at(c, k, arg);
+    for (k = 0; k <= c->f->count; k++) {
+        const gt_stage_qp_place at = gt_stage_qp_at(c, k);
+        const int *row = at.of->row;
+        const double *sign = at.of->sign;
+        const double *price = at.of->price;
+        gt_stage_qp_excess *s = at.excess;
+        gt_stage_qp_limit *h;
 
-        arg[4] = &w->product[k * f->stage.products];
-        res[0] = &w->weight[k * f->stage.rows];
-        res[1] = &w->slope[k * f->stage.rows];
-        (void)stage->weigh(arg, res, 0, 0, 0);
+        for (h = at.limit; h < at.end; h++) {
+            h->residual = ((*sign * at.y[*row]) - h->bound) - h->t;
+            if (h >= at.soft) {
+                const double rise = price[1] * s->e;
+
+                h->residual += s->e;
+                gap += s->e * s->v;
+                gradient += fabs(((price[0] + rise) - h->l) - s->v);
+                total += (price[0] + (0.5 * rise)) * s->e;
+                price += 2;
+                s++;
+            }
+            gap += h->t * h->l;
+            residual += fabs(h->residual);
+            row++;
+            sign++;
+        }
+    }
+    out->gap = gap;
+    out->residual = residual;
+    out->gradient = gradient;
+    out->cost = total;
+}
+
+/* Takes the step. */
+static inline void gt_stage_qp_advanced(const gt_stage_qp_call *c, double length)
+{
+    const gt_stage_qp *f = c->f;
+    gt_stage_qp_limit *h = c->w->limits;
+    gt_stage_qp_excess *s = c->w->excesses;
+    int k;
+
+    for (k = (f->count * f->stage.limits) + f->last.limits; k > 0; k--) {
+        h->t += length * h->dt;
+        h->l += length * h->dl;
+        h++;
+    }
+    for (k = (f->count * f->stage.soft) + f->last.soft; k > 0; k--) {
+        s->e += length * s->de;
+        s->v += length * s->dv;
+        s++;
+    }
+}
+
+/* Slopes of the rows by the multipliers as they are; writes the sides of the solution. */
+static inline void gt_stage_qp_kept(const gt_stage_qp_call *c)
+{
+    int k;
+
+    for (k = 0; k <= c->f->count; k++) {
+        const gt_stage_qp_place at = gt_stage_qp_at(c, k);
+        double *t = &c->w->sides[k * c->f->stage.sides];
+        double *e = &t[2 * at.of->limits];
+        int j;
+
+        for (j = 0; j < at.of->rows; j++) {
+            at.slope[j] = 0.0;
+        }
+        for (j = 0; j < at.of->limits; j++) {
+            t[j] = at.limit[j].t;
+            t[j + at.of->limits] = at.limit[j].l;
+            at.slope[at.of->row[j]] -= at.of->sign[j] * at.limit[j].l;
+        }
+        for (j = 0; j < at.of->soft; j++) {
+            e[j] = at.excess[j].e;
+            e[j + at.of->soft] = at.excess[j].v;
+        }
     }
 }
 

@@ -10,23 +10,23 @@
 /* A generated kernel; its arguments and results stand in gtmodel/predictive/kernels.py. */
 typedef int (*gt_stage_qp_kernel)(const double **arg, double **res, long long int *iw, double *w, int mem);
 
-/* One stage: sizes and kernels. */
+/* One stage: sizes, limits and kernels. The first limits are exact, the last `soft` ones have prices. */
 typedef struct gt_stage_qp_stage {
     int numbers; /* of data */
     int rows; /* quantities with limits */
+    int limits; /* sign * row >= bound */
+    int soft;
     int sides; /* distances, multipliers, excesses and their multipliers */
-    int products; /* half of the sides */
-    gt_stage_qp_kernel begin;
-    gt_stage_qp_kernel push;
-    gt_stage_qp_kernel weigh;
-    gt_stage_qp_kernel change;
-    gt_stage_qp_kernel judge;
-    gt_stage_qp_kernel ahead;
-    gt_stage_qp_kernel follow;
-    gt_stage_qp_kernel factor;
-    gt_stage_qp_kernel vector;
+    const int *row;
+    const double *sign;
+    const double *price; /* linear and quadratic one of each soft limit */
+    gt_stage_qp_kernel given;
+    gt_stage_qp_kernel grade;
+    gt_stage_qp_kernel pull;
     gt_stage_qp_kernel move;
-    gt_stage_qp_kernel adjoint;
+    gt_stage_qp_kernel factor;
+    gt_stage_qp_kernel offset;
+    gt_stage_qp_kernel feed;
 } gt_stage_qp_stage;
 
 /* A problem: `count` stages with an input, then one without. */
@@ -34,35 +34,62 @@ typedef struct gt_stage_qp {
     int count;
     int states;
     int inputs;
-    int upper; /* entries of the upper triangle of a Hessian of the states */
-    int lower; /* entries below the diagonal of a factor of the inputs */
     int max_iterations;
-    double limits; /* number of products of all stages */
+    double products; /* number of limits and excesses of all stages */
     double tolerance;
     gt_stage_qp_stage stage;
     gt_stage_qp_stage last;
 } gt_stage_qp;
 
-/* Working memory; what belongs to one stage follows what belongs to the stage before. */
+/* A limit: distance t, multiplier l, and their changes. */
+typedef struct gt_stage_qp_limit {
+    double t;
+    double l;
+    double dt;
+    double dl;
+    double bound;
+    double residual;
+    double over_t; /* 1 / t */
+    double ratio; /* l / t */
+    double aim; /* minus the product of the changes; then what l * t is to become, over t */
+} gt_stage_qp_limit;
+
+/* A soft limit beside: excess e, multiplier v, and their changes. */
+typedef struct gt_stage_qp_excess {
+    double e;
+    double v;
+    double de;
+    double dv;
+    double over_e; /* 1 / e */
+    double aim; /* as above */
+    double fall; /* slope of the price, with the other sign */
+    double own; /* curvature of price and barrier */
+    double over; /* 1 / curvature with that of the limit */
+} gt_stage_qp_excess;
+
+/* Working memory; what belongs to one stage follows what belongs to the stage before, the last stage at the end. */
 typedef struct gt_stage_qp_work {
+    gt_stage_qp_limit *limits;
+    gt_stage_qp_excess *excesses;
+    double *bound; /* of the limits of one stage */
+    double *sides; /* of the solution */
     double *x; /* states of count + 1 stages */
     double *u;
+    double *dx;
     double *du;
-    double *y; /* rows, also of the last stage */
-    double *sides; /* also of the last stage */
-    double *change; /* of the sides */
-    double *product; /* of the changes, also of the last stage */
-    double *weight;
+    double *y; /* rows */
+    double *dy;
+    double *weight; /* of the rows */
     double *slope;
+    double *by_x; /* derivatives of the cost */
+    double *by_u;
     double *gain;
     double *offset; /* of the inputs */
     double *lower;
     double *inverse;
-    double *part; /* pivots or products of one stage */
+    double *part; /* pivots, or derivatives by the inputs, of one stage */
     double *hessian; /* two */
     double *gradient; /* two */
-    double *dx; /* two */
-    double *dy; /* of one stage */
 } gt_stage_qp_work;
 
 /* What a solution leaves. */
@@ -82,15 +109,48 @@ typedef struct gt_stage_qp_call {
     const gt_stage_qp_work *w;
 } gt_stage_qp_call;
 
-/* Points to what all kernels of limits begin with, data, rows and sides of stage k; returns the stage. */
-static inline const gt_stage_qp_stage *gt_stage_qp_at(const gt_stage_qp_call *c, int k, const double **arg)
-{
-    const gt_stage_qp *f = c->f;
+/* Limits of one stage, the exact ones first. */
+typedef struct gt_stage_qp_place {
+    const gt_stage_qp_stage *of;
+    gt_stage_qp_limit *limit;
+    gt_stage_qp_limit *soft;
+    gt_stage_qp_limit *end;
+    gt_stage_qp_excess *excess;
+    const double *y;
+    const double *dy;
+    double *weight;
+    double *slope;
+} gt_stage_qp_place;
 
-    arg[0] = (k < f->count) ? &c->data[k * f->stage.numbers] : c->last_data;
-    arg[1] = &c->w->y[k * f->stage.rows];
-    arg[2] = &c->w->sides[k * f->stage.sides];
-    return (k < f->count) ? &f->stage : &f->last;
+/* The limits of stage k. */
+static inline gt_stage_qp_place gt_stage_qp_at(const gt_stage_qp_call *c, int k)
+{
+    const gt_stage_qp_stage *s = &c->f->stage;
+    const gt_stage_qp_work *w = c->w;
+    gt_stage_qp_place at;
+
+    at.of = (k < c->f->count) ? s : &c->f->last;
+    at.limit = &w->limits[k * s->limits];
+    at.end = &at.limit[at.of->limits];
+    at.soft = &at.limit[at.of->limits - at.of->soft];
+    at.excess = &w->excesses[k * s->soft];
+    at.y = &w->y[k * s->rows];
+    at.dy = &w->dy[k * s->rows];
+    at.weight = &w->weight[k * s->rows];
+    at.slope = &w->slope[k * s->rows];
+    return at;
+}
+
+/* The larger number, and b if a is none. */
+static inline double gt_stage_qp_larger(double a, double b)
+{
+    return (a > b) ? a : b;
+}
+
+/* The smaller number, and b if a is none. */
+static inline double gt_stage_qp_smaller(double a, double b)
+{
+    return (a < b) ? a : b;
 }
 
 #endif

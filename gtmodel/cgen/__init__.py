@@ -3,6 +3,7 @@
 study         generate, compare with Python and write, on request count costs, in one call -> CodeStudy
 Verification  options of the comparison
 
+jacobian_function  the derivatives of a causal function, as a function of its own
 StepFunction  a function with a state that runs once in a cycle
 BlockFunction a sampled block of a model as a step function
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from .code_study import study as study
     from .costs_file import write_costs as write_costs
     from .generation import Generated as Generated, generate as generate
+    from .jacobian_function import jacobian_function as jacobian_function
     from .measurement import Costs as Costs, costs as costs
     from .real import GenerationError as GenerationError
     from .steps.block import BlockFunction as BlockFunction

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import casadi as ca
 
-from ..compiler.causal import CausalFunction
 from ..results.disk import scratch
 from .interface import Interface, linkage, macro
+from .jacobian_function import renamed
 from .loops import SOLVER, loop_text
 from .real import GenerationError, comment
 
@@ -72,8 +72,7 @@ def casadi_functions(face: Interface) -> list[ca.Function]:
     GenerationError if an output is not dense.
     """
     if face.stages is None:
-        f = face.function
-        functions = [CausalFunction(f.plan, f.inputs, f.outputs, face.body).closed]
+        functions = [renamed(face.function, face.body).closed]
     else:
         functions = [g for stage in face.newton for g in (stage.prepare, stage.kernel)]
         functions += [face.stages.body] if face.loops is None else []

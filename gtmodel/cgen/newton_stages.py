@@ -17,6 +17,7 @@ from ..compiler.plan import CausalPlan
 from ..compiler.rows import map_columns, status_codes
 from ..lang.scope import derivative_name
 from ..results.status import Status
+from .jacobian_function import DerivativeFunction
 from .lanes import Lanes, lanes_of, lines_of
 from .loops import can_be_written
 from .newton_steps import eliminate, newton, pivot_order, run
@@ -82,10 +83,15 @@ def _stages(f: CausalFunction, symbol: str, real: Real) -> Stages:
     args = [ca.vertcat(*[flat.scope.symbol(*p) for p in s.pairs]) for s in f.inputs]
     args += [flat.scope.time] if plan.uses_time else []
     zs = [ca.vertcat(*b.unknowns) for b in plan.newton]
-    targets = [ca.vertcat(*[plan.symbol(*p) for p in s.pairs]) for s in f.outputs]
+    targets = [
+        ca.vertcat(*[plan.symbol(*p) for p in s.pairs])
+        for s in (f.of if isinstance(f, DerivativeFunction) else f).outputs
+    ]
     residuals = [ca.vertcat(*b.residuals) for b in plan.newton]
     remaining = iter(express(plan, [*targets, *residuals, *(m.expression for m in f.margins)]))
     targets, residuals = ([next(remaining) for _ in group] for group in (targets, residuals))
+    if isinstance(f, DerivativeFunction):
+        targets = f.derived(targets, residuals, args[: len(f.inputs)], zs)
     margins = list(remaining)
     due = [_due(e, zs) for e in margins]
 
@@ -123,7 +129,7 @@ def _stages(f: CausalFunction, symbol: str, real: Real) -> Stages:
 def loops_of(f: CausalFunction, symbol: str, body: ca.Function) -> Lanes | None:
     """Return the body as loops over equal parts, if it is large, calls no external function, and the loops have at most
     1 / SHORTER of its lines."""
-    if body.n_instructions() < LARGE or f.flat.scope.calls:
+    if body.n_instructions() < LARGE or f.flat.scope.calls or isinstance(f, DerivativeFunction):
         return None
     opened = open_body(f, symbol)
     lanes = None if opened is None else lanes_of(opened)

@@ -6,7 +6,8 @@ from __future__ import annotations
 import ctypes
 import ctypes.util
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -54,17 +55,30 @@ def run(f: ca.Function, columns: Sequence[np.ndarray]) -> list[np.ndarray]:
     results = [np.zeros((f.numel_out(k), n), FLOAT.dtype) for k in range(f.n_out())]
     work: dict[int, Rows] = {}
     with np.errstate(all="ignore"):
-        for k in range(f.n_instructions()):
-            op, inputs, outputs = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+        for op, inputs, outputs, what in _instructions(f):
             if op == ca.OP_CONST:
-                work[outputs[0]] = np.full(n, f.instruction_constant(k), FLOAT.dtype)
+                work[outputs[0]] = np.full(n, what, FLOAT.dtype)
             elif op == ca.OP_INPUT:
                 work[outputs[0]] = columns[inputs[0]][inputs[1]]
             elif op == ca.OP_OUTPUT:
                 results[outputs[0]][outputs[1]] = work[inputs[0]]
             else:
-                work[outputs[0]] = _operation(op)(*[work[i] for i in inputs])
+                work[outputs[0]] = what(*[work[i] for i in inputs])
     return results
+
+
+@lru_cache(maxsize=64)
+def _instructions(f: ca.Function) -> list[tuple[int, list[int], list[int], Any]]:
+    """Instructions with their constants or operations, read once: CasADi takes as long as they do."""
+    program = []
+    for k in range(f.n_instructions()):
+        op, what = f.instruction_id(k), None
+        if op == ca.OP_CONST:
+            what = f.instruction_constant(k)
+        elif op not in (ca.OP_INPUT, ca.OP_OUTPUT):
+            what = _operation(op)
+        program.append((op, f.instruction_input(k), f.instruction_output(k), what))
+    return program
 
 
 @cache

@@ -21,13 +21,14 @@ from .blocks import VERDICTS
 from .columns.kernel import PAID, kernel_of
 from .consistency.guess import Completion
 from .consistency.home import moved_sentence, refuse_starts
+from .derivative import jacobian_of
 from .evaluate import Built, CausalSignal as CausalSignal, build, c_name as c_name
 from .explain import explain
 from .flat import FlatModel
 from .flat_cache import flat_of
 from .newton import NewtonKernel
 from .plan import CausalPlan, make_plan
-from .rows import PIVOT_TOLERANCE, JudgedFunction, map_columns
+from .rows import PIVOT_TOLERANCE, JudgedFunction
 from .tunable import with_parameters
 
 Pair = tuple[int, int]
@@ -181,17 +182,6 @@ class CausalFunction(Portable):
         """Names of the entries of the parameter vector."""
         return [q.name for q in self.flat.parameters]
 
-    @cached_property
-    def _jacobian(self) -> ca.Function:
-        """(inputs..., z...) -> d targets / d inputs, d targets / d z, margins."""
-        f = self._built.closed
-        args = f.sx_in()
-        res = f.call(args)
-        n, inputs = len(self.outputs), len(args) - len(self._built.kernels)
-        targets = ca.vertcat(*res[:n])
-        parts = [ca.densify(ca.jacobian(ca.SX(targets), ca.SX(ca.vertcat(*a)))) for a in (args[:inputs], args[inputs:])]
-        return ca.Function(f"jac_{f.name()}", args, [*parts, res[-1]])
-
     def __call__(self, *arguments: Any, guess: Mapping[str, Any] | None = None) -> Any:
         """Return the values of the targets, then the status. Raises TypeError for a wrong number or shape of arguments.
 
@@ -234,25 +224,7 @@ class CausalFunction(Portable):
     def jacobian(self, *arguments: Any) -> tuple[np.ndarray, Any]:
         """Return d targets / d inputs, (outputs, inputs) or (n, outputs, inputs), and the status."""
         columns, rows = self._columns(arguments)
-        n = columns[0].shape[1] if columns else 1
-        zs, iteration = self._unknowns(columns)
-        by_input, by_z, margins = map_columns(self._jacobian, [*columns, *zs])
-        full = _stack(by_input, n, sum(c.shape[0] for c in columns))
-        block_inputs = np.vstack(columns) if columns else np.zeros((0, n))
-        sensitivities: list[np.ndarray] = []
-        for kernel, z in zip(self._built.kernels, zs, strict=True):
-            dz = kernel.derivative(z, block_inputs)
-            k = block_inputs.shape[0] - sum(s.shape[1] for s in sensitivities)
-            total = dz[:, :, :k].copy()
-            for s in sensitivities:  # earlier unknowns depend on the inputs too
-                total += dz[:, :, k : k + s.shape[1]] @ s
-                k += s.shape[1]
-            sensitivities.append(total)
-            block_inputs = np.vstack([block_inputs, z])
-        if sensitivities:
-            full = full + _stack(by_z, n, sum(z.shape[0] for z in zs)) @ np.concatenate(sensitivities, axis=1)
-        status = self.status(columns, [full.reshape(n, full.shape[1] * full.shape[2]).T, margins], iteration)
-        full[status != Status.OK] = np.nan
+        full, status = jacobian_of(self, columns)
         return (full[0], Status(int(status[0]))) if rows is None else (full, status)
 
     def _guesses(self, guess: Mapping[str, Any], columns: list[np.ndarray]) -> list[np.ndarray | None]:
@@ -427,11 +399,6 @@ class CausalFunction(Portable):
 
     def __repr__(self) -> str:
         return f"CausalFunction({', '.join(s.name for s in self.inputs)} -> {', '.join(s.name for s in self.outputs)})"
-
-
-def _stack(matrix: np.ndarray, n: int, width: int) -> np.ndarray:
-    """Return mapped matrices (r, n * width) as (n, r, width)."""
-    return matrix.reshape(matrix.shape[0], n, width).transpose(1, 0, 2).copy()
 
 
 @named

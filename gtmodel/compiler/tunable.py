@@ -6,48 +6,32 @@ import sys
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
-from typing import Protocol, Self, TypeVar
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
+from .._lazy import hint
 from ..lang.bind import ParameterRecord
 from ..lang.declare import Declaration, Parameter
 from ..lang.source import ModelError
 from ..results.refusal import ArgumentError
+from .derivative import depends
 from .evaluate import CausalSignal
 from .flat import FlatModel, FlatVariable
-from .newton import NewtonKernel
 from .plan import CausalPlan, make_plan
 
-
-class Compiled(Protocol):
-    """What this module needs of a `CausalFunction`."""
-
-    flat: FlatModel
-    plan: CausalPlan
-    inputs: list[CausalSignal]
-    outputs: list[CausalSignal]
-    name: str
-    groups: list[tuple[str, tuple[int, ...], list[int]]]
-    preferred: list[int]
-    branches: dict[str, int]
-
-    @property
-    def closed(self) -> ca.Function: ...
-
-    @property
-    def kernels(self) -> list[NewtonKernel]: ...
-
-    def again(self, plan: CausalPlan, inputs: list[CausalSignal]) -> Self: ...
-
-
-Function = TypeVar("Function", bound=Compiled)
+if TYPE_CHECKING:
+    from .causal import CausalFunction
+else:
+    CausalFunction = hint("gtmodel.compiler.causal", "CausalFunction")
 
 SMALLEST = sys.float_info.min  # least value of a positive parameter: FMI's limits are inclusive
 
 
-def with_parameters(f: Function, names: Sequence[str], argument: str) -> tuple[Function, list[CausalSignal]]:
+def with_parameters(
+    f: CausalFunction, names: Sequence[str], argument: str
+) -> tuple[CausalFunction, list[CausalSignal]]:
     """Append these model parameters to the function's inputs; return the function and the new inputs.
 
     names: independent parameters, whole or one element, such as "m" or "m[0]"; argument: their name in a refusal.
@@ -88,37 +72,6 @@ def with_parameters(f: Function, names: Sequence[str], argument: str) -> tuple[F
             raise ArgumentError(f"{f.name} does not depend on '{s.name}'; leave it out", argument)
         offset += s.size
     return function, signals
-
-
-def given_by(f: Compiled) -> tuple[list[ca.SX], list[ca.SX], ca.SX]:
-    """Return symbols of the inputs and of Newton's unknowns, and all outputs as a column."""
-    args = f.closed.sx_in()
-    blocks = len(f.kernels)
-    inputs = args[: len(args) - blocks]
-    results = f.closed.call(args)[: len(f.outputs)]
-    return inputs, args[len(args) - blocks :], ca.vertcat(*[ca.densify(ca.SX(r)) for r in results])
-
-
-def depends(f: Compiled) -> list[set[int]]:
-    """Return for each output number the input numbers it depends on."""
-    inputs, zs, outputs = given_by(f)
-    x = ca.vertcat(*inputs) if inputs else ca.SX(0, 1)
-    n = x.numel()
-    of_z: list[set[int]] = []
-    for kernel, z in zip(f.kernels, zs, strict=True):
-        a, unknowns = ca.SX.sym("a", len(kernel.a0)), ca.SX.sym("z", z.numel())
-        r = kernel.residual.call([unknowns, a])[0]
-        columns = set(ca.jacobian_sparsity(r, a).get_triplet()[1])
-        inner = {c for c in columns if c < n}
-        for c in columns - inner:
-            inner |= of_z[c - n]
-        of_z += [inner] * z.numel()
-    full = ca.vertcat(x, *zs)
-    rows, columns = ca.jacobian_sparsity(outputs, full).get_triplet()
-    result: list[set[int]] = [set() for _ in range(outputs.numel())]
-    for r, c in zip(rows, columns, strict=True):
-        result[r] |= {c} if c < n else of_z[c - n]
-    return result
 
 
 def _record(flat: FlatModel, name: str, argument: str) -> tuple[tuple[int, ...], list[int], ParameterRecord]:
@@ -192,7 +145,7 @@ def _limit(value: object, shape: tuple[int, ...], k: int, default: float) -> flo
     return default if value is None else float(np.broadcast_to(np.asarray(value, float), shape).reshape(-1)[k])
 
 
-def _planned(f: Compiled, symbolic: Sequence[int], names: Sequence[str], argument: str) -> CausalPlan:
+def _planned(f: CausalFunction, symbolic: Sequence[int], names: Sequence[str], argument: str) -> CausalPlan:
     """Return the plan with symbols for these parameters; it must solve the equations as the numeric plan does."""
     flat = f.flat
     numbers = [q.symbol if n in symbolic else ca.SX(q.value) for n, q in enumerate(flat.parameters)]

@@ -15,7 +15,8 @@ from ..cgen.interface import Interface, interfaces
 from ..cgen.newton_stages import samples_of
 from ..compiler.causal import CausalFunction, CausalSignal, c_name, compile_causal
 from ..compiler.consistency.home import home_of
-from ..compiler.tunable import depends, with_parameters
+from ..compiler.derivative import depends
+from ..compiler.tunable import with_parameters
 from ..lang.scope import derivative_name
 from ..lang.source import ModelError
 from ..results.refusal import ArgumentError

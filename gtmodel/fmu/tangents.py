@@ -11,7 +11,7 @@ from ..cgen.body import body
 from ..cgen.interface import Interface
 from ..cgen.wrapper import scratch
 from ..compiler.causal import CausalFunction
-from ..compiler.tunable import given_by
+from ..compiler.derivative import given_by
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from .._pickling import Portable
-from ..cgen.real import DOUBLE, FLOAT_TOLERANCE, STAGE_QP, Real
+from ..cgen.real import DOUBLE, STAGE_QP, Real
 from ..cgen.steps.function import StepFunction, StepMember, StepTwin, dtype_of, record
 from ..lang.events import SampledBlock
 from ..lang.model import Model
@@ -207,11 +207,6 @@ class Controller(StepFunction, Portable):
             StepMember("lost", description="cycles in a row without a usable reading", integer=True),
             StepMember("begun", description="1 after the first cycle", integer=True),
         ]  # fmt: skip
-
-    def tolerance_of(self, real: Real) -> float:
-        """Return the tolerance of the programs; in float it is at least that of the number type."""
-        own = self.program.qp.tolerance
-        return own if real is DOUBLE else max(own, FLOAT_TOLERANCE)
 
     def kernels(self, symbol: str) -> list[ca.Function]:
         """Return the generated functions under their C names."""

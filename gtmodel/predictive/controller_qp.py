@@ -9,12 +9,11 @@ import casadi as ca
 import numpy as np
 
 from .._pickling import Portable
-from ..cgen.real import DOUBLE, FLOAT_TOLERANCE, STAGE_QP, Real
+from ..cgen.real import DOUBLE, STAGE_QP, Real
 from ..cgen.steps.function import StepFunction, StepMember, StepTwin, dtype_of, step_prototype
 from ..results.refusal import ArgumentError
 from ..results.status import Status
 from .interior_point import InteriorPoint
-from .kernels import KERNELS
 from .qp_text import QPText, init_text
 from .stage_qp import StageQP
 
@@ -29,7 +28,7 @@ class ControllerQP(StepFunction, Portable):
     caller goes on with the last plan, or stops.
 
     Args:
-        qp: the problem; its `max_iterations` bounds the work of a cycle. In float its tolerance is at least 1e-5.
+        qp: the problem; its `max_iterations` bounds the work of a cycle. In float its tolerance is at least 1e-4.
         period: of a cycle [s].
         x, data, last_data: typical arguments of `StageQP.solve`, from which the self-test is drawn.
 
@@ -83,17 +82,13 @@ class ControllerQP(StepFunction, Portable):
     def _sides(self) -> int:
         return self.qp.count * self.qp.stage.positives + self.qp.last.positives
 
-    def tolerance_of(self, real: Real) -> float:
-        """Return the tolerance; in float it is at least that of the number type."""
-        return self.qp.tolerance if real is DOUBLE else max(self.qp.tolerance, FLOAT_TOLERANCE)
-
     def kernels(self, symbol: str) -> list[ca.Function]:
         """Return the operations of a stage and of the last one under their C names."""
         return QPText(self.qp, symbol, self.qp.tolerance).kernels()
 
     def text(self, symbol: str, real: Real) -> str:
         """Return the C text of init and step."""
-        qp, of = self.qp, QPText(self.qp, symbol, self.tolerance_of(real))
+        qp, of = self.qp, QPText(self.qp, symbol, self.qp.tolerance_in(real))
         n, m, count, own, end = qp.stage.states, qp.stage.inputs, qp.count, of.own, of.end
         arrays, pointers = of.memory()
         known = {member.name for member in self.inputs}
@@ -132,7 +127,7 @@ class ControllerQP(StepFunction, Portable):
     def facts(self) -> Mapping[str, Any]:
         """Return the data from which the code was generated."""
         qp = self.qp
-        text = [str(f[k]) for f in qp.kernels for k in KERNELS]
+        text = [str(f[k]) for f in qp.kernels for k in f]
         numbers = [float(v).hex() for v in (self.period, qp.tolerance)]
         sides = [[str(d.bound), d.sign, d.row, d.price] for s in (qp.stage, qp.last) for d in s.sides]
         matrices = [str(v) for s in (qp.stage, qp.last) for v in s.matrices.values()]
@@ -174,7 +169,7 @@ class ControllerQPTwin(StepTwin):
         qp = controller.qp
         self.controller, self.real = controller, real
         self.method = InteriorPoint(
-            qp.stage, qp.count, qp.last, controller.tolerance_of(real), qp.max_iterations, qp.kernels, real
+            qp.stage, qp.count, qp.last, qp.tolerance_in(real), qp.max_iterations, qp.kernels, real
         )
 
     def init(self, state: np.ndarray, start: np.ndarray) -> Status:

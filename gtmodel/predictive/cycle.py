@@ -41,7 +41,7 @@ class CycleTwin(StepTwin):
         self.controller, self.real, program = controller, real, controller.program
         qp = program.qp
         self.method = InteriorPoint(
-            qp.stage, qp.count, qp.last, controller.tolerance_of(real), qp.max_iterations, qp.kernels, real
+            qp.stage, qp.count, qp.last, qp.tolerance_in(real), qp.max_iterations, qp.kernels, real
         )
         self.functions = {name: getattr(program, name) for name in PARTS}
         self._prepare = program.prepare.map(qp.count)
@@ -191,7 +191,7 @@ def _goals(controller: Controller, rows: int) -> str:
 def text_of(controller: Controller, symbol: str, real: Real) -> str:
     """Return the C text of init and step."""
     c, program = controller, controller.program
-    qp, horizon, of = program.qp, program.horizon, QPText(program.qp, symbol, controller.tolerance_of(real))
+    qp, horizon, of = program.qp, program.horizon, QPText(program.qp, symbol, program.qp.tolerance_in(real))
     n, m, count, delay = qp.stage.states, qp.stage.inputs, qp.count, horizon.delay
     nd, np_, ny = program.d.numel(), program.statement.p.numel(), sum(k.count for k in c.readings)
     forces, shown = sum(k.count for k in c.commands), sum(k.count for k in c.shown)

@@ -28,6 +28,7 @@ from .statement import Statement
 
 SX = ca.SX
 STANDSTILL = 1e-7  # largest rate at the targets, relative to 1
+OF_A_SIDE = 27  # operations in an iteration
 SINGULAR = 1e-9  # share of the trace that keeps the step of `locate` finite
 
 
@@ -165,8 +166,9 @@ class Discretised(Portable):
     @property
     def operations(self) -> int:
         """Operations of a cycle with ten iterations."""
-        often = {"push": 0, "begin": 0, "weigh": 2, "change": 2, "move": 2}
-        each = sum(often.get(k, 1) * f.n_instructions() for k, f in self.qp.kernels[0].items())
+        often = {"given": 0, "grade": 1, "factor": 1}
+        each = sum(often.get(k, 2) * f.n_instructions() for k, f in self.qp.kernels[0].items())
+        each += OF_A_SIDE * self.qp.stage.positives
         return self.horizon.stages * (self.prepare.n_instructions() + 10 * each)
 
     def _matrices(self, residuals: Any, after: Any) -> tuple[np.ndarray, ...]:

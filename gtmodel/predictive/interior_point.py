@@ -1,7 +1,8 @@
 """The primal-dual interior point method of a horizon, with the operations of C in their order (gt_stage_qp.h).
 
-Predictor and corrector of Mehrotra (1992). Inputs and sides are iterates; the states follow from the inputs, so that
-the dynamics always hold exactly.
+Predictor and corrector of Mehrotra (1992), from products of distance and multiplier whose sum is a multiple of the
+cost: far from the limits' scale, that is what spares iterations. States and inputs change by steps that obey the
+dynamics, so that these always hold.
 """
 
 from __future__ import annotations
@@ -18,8 +19,11 @@ from ..cgen.real import DOUBLE, Real
 from ..results.status import Status
 from .stage import HorizonStage
 
-GRADIENT = 10.0  # tolerances: the gradient, over 1 + |cost|
+FIRST, AGAIN = 300.0, 1.0  # first products: their sum over 1 + |cost|, without and with a start
+COLD = 1.0  # least distance at the beginning
 TO_BOUNDARY = 0.995
+ENOUGH = 0.1  # the gap is not made smaller than this share of its tolerance
+GRADIENT = 10.0  # tolerances: the gradient, over that of the gap
 
 Columns = list[np.ndarray]
 
@@ -106,6 +110,130 @@ class LastIterate:
     last_sides: np.ndarray
 
 
+class _Limits:
+    """Limits of the stages as columns, exact ones first: as gt_stage_qp_limits.h and gt_stage_qp_sides.h."""
+
+    def __init__(self, stage: HorizonStage, count: int, real: Real) -> None:
+        self.real, self.count = real, count
+        self.row, self.rows = [d.row for d in stage.sides], len(stage.rows)
+        self.sign = real.array([d.sign for d in stage.sides]).reshape(-1, 1)
+        prices = [d.price for d in stage.sides if d.price is not None]
+        self.a, self.b = real.array(prices).reshape(-1, 2, 1).transpose(1, 0, 2)
+        self.n, self.m = len(stage.sides), len(prices)
+        self.hard = self.n - self.m
+
+    def begun(self, y: np.ndarray, bound: np.ndarray, centre: Any) -> None:
+        self.bound = bound
+        self.t = _larger(self.sign * y[self.row] - bound, self.real.dtype(COLD))
+        self.l = centre / self.t
+        self.v = np.repeat(self.a + self.b, self.count, axis=1)
+        self.e = centre / self.v
+
+    def pushed(self, bound: np.ndarray, s: np.ndarray, centre: Any) -> None:
+        self.bound, n, m = bound, self.n, self.m
+        self.t = self._centred(s[:n] - s[n : 2 * n] / centre)
+        self.l = centre / self.t
+        self.e = self._centred(s[2 * n : 2 * n + m] - s[2 * n + m :] / centre)
+        self.v = centre / self.e
+
+    def _centred(self, d: np.ndarray) -> np.ndarray:
+        root = np.sqrt(d * d + self.real.dtype(4.0))
+        return np.where(d > 0, self.real.dtype(0.5) * (root + d), self.real.dtype(2.0) / (root - d))
+
+    def measured(self, y: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Terms of gap, residual, gradient of the excesses and price, in the order in which C adds them."""
+        self.residual = self.sign * y[self.row] - self.bound - self.t
+        self.residual[self.hard :] += self.e
+        rise = self.b * self.e
+        gap = self._beside(self.e * self.v, self.t * self.l)
+        gradient = np.abs(self.a + rise - self.l[self.hard :] - self.v)
+        return gap, np.abs(self.residual), gradient, (self.a + self.real.dtype(0.5) * rise) * self.e
+
+    def _beside(self, of_excess: np.ndarray, of_limit: np.ndarray) -> np.ndarray:
+        """Each excess before its limit."""
+        pairs = np.stack([of_excess, of_limit[self.hard :]], axis=1).reshape(2 * self.m, self.count)
+        return np.concatenate([of_limit[: self.hard], pairs])
+
+    def weighed(self) -> tuple[np.ndarray, np.ndarray]:
+        soft, one = slice(self.hard, None), self.real.dtype(1.0)
+        self.over_t, self.over_e = one / self.t, one / self.e
+        self.ratio = self.l * self.over_t
+        self.fall = -self.a - self.b * self.e
+        self.own = self.b + self.v * self.over_e
+        self.over = one / (self.ratio[soft] + self.own)
+        weight, steep = self.ratio.copy(), self.ratio * self.residual
+        share = self.ratio[soft] * self.over
+        weight[soft] = share * self.own
+        steep[soft] = share * (self.own * self.residual[soft] + self.fall)
+        return self._by_row(weight), self._by_row(self.sign * steep)
+
+    def _by_row(self, values: np.ndarray) -> np.ndarray:
+        total = np.zeros((self.rows, self.count), self.real.dtype)
+        for i, value in zip(self.row, values, strict=True):
+            total[i] += value
+        return total
+
+    def _distances(self, dy: np.ndarray, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Changes of distances and excesses."""
+        dt = self.sign * dy[self.row] + self.residual
+        before = dt[self.hard :]
+        de = (rest - self.ratio[self.hard :] * before) * self.over
+        return np.concatenate([dt[: self.hard], (self.own * before + rest) * self.over]), de
+
+    def tried(self, dy: np.ndarray) -> tuple[np.ndarray, Any, Any]:
+        """Minus the products of the changes, in the order in which C adds them; least and largest share."""
+        one = self.real.dtype(1.0)
+        dt, de = self._distances(dy, self.fall)
+        share, share_e = dt * self.over_t, de * self.over_e
+        self.aim_e = de * (self.v * (one + share_e))
+        self.aim = dt * (self.l * (one + share))
+        return self._beside(self.aim_e, self.aim), _least(share, share_e), -_least(-share, -share_e)
+
+    def aimed(self, centre: Any) -> np.ndarray:
+        soft = slice(self.hard, None)
+        self.aim = (centre + self.aim) * self.over_t
+        self.aim_e = (centre + self.aim_e) * self.over_e
+        steep = self.ratio * self.residual
+        rest = self.aim[soft] + self.aim_e + self.fall
+        steep[soft] = self.ratio[soft] * self.over * (self.own * self.residual[soft] + rest)
+        return self._by_row(self.sign * (steep - self.aim))
+
+    def changed(self, dy: np.ndarray) -> Any:
+        """Least change over the number that changes."""
+        rest = self.aim[self.hard :] + self.aim_e + self.fall
+        self.dt, self.de = self._distances(dy, rest)
+        self.dl = self.aim - self.ratio * self.dt - self.l
+        self.dv = self.aim_e - self.v * self.over_e * self.de - self.v
+        return _least(self.dt * self.over_t, self.dl / self.l, self.de * self.over_e, self.dv / self.v)
+
+    def advanced(self, length: Any) -> None:
+        self.t, self.l = self.t + length * self.dt, self.l + length * self.dl
+        self.e, self.v = self.e + length * self.de, self.v + length * self.dv
+
+    def multiplied(self) -> np.ndarray:
+        """Slopes of the rows by the multipliers as they are."""
+        return self._by_row(-(self.sign * self.l))
+
+    @property
+    def sides(self) -> np.ndarray:
+        return np.concatenate([self.t, self.l, self.e, self.v])
+
+
+def _larger(a: Any, b: Any) -> Any:
+    return np.where(a > b, a, b)
+
+
+def _least(*shares: np.ndarray) -> Any:
+    """The least number below zero, or zero; NaN counts nothing."""
+    flat = np.concatenate([s.ravel() for s in shares])
+    return np.fmin.reduce(flat, initial=flat.dtype.type(0.0))
+
+
+def _sum(start: Any, *parts: np.ndarray) -> Any:
+    """Sum in order, as a loop over the stages adds up."""
+    return np.add.accumulate(np.concatenate([[start], *[p.ravel(order="F") for p in parts]]))[-1]
+
+
 class InteriorPoint:
     """The method for one shape of problem. `real`: number type of all operations."""
 
@@ -113,12 +241,12 @@ class InteriorPoint:
         self, stage: HorizonStage, count: int, last: HorizonStage, tolerance: float, max_iterations: int,
         functions: tuple[dict[str, ca.Function], dict[str, ca.Function]], real: Real = DOUBLE,
     ) -> None:  # fmt: skip
-        self.real, self.count, self.stage = real, count, stage
+        self.real, self.count, self.stage, self.last = real, count, stage, last
         self.tolerance, self.max_iterations = real.dtype(tolerance), max_iterations
-        self.of, self.end = StageEvaluator(functions[0], count, real), StageEvaluator(functions[1], 1, real)
-        own, at_end = (s.positives // 2 for s in (stage, last))
-        self.limits = real.dtype(max(count * own + at_end, 1))
-        self.none, self.none_end = np.zeros((own, count), real.dtype), np.zeros((at_end, 1), real.dtype)
+        self.of = StageEvaluator(functions[0] | _chained(functions[0]), count, real)
+        self.end = StageEvaluator(functions[1], 1, real)
+        products = count * stage.positives // 2 + last.positives // 2
+        self.products = real.dtype(max(products, 1))
 
     def solve(self, x: np.ndarray, p: np.ndarray, q: np.ndarray, start: tuple[np.ndarray, ...] | None) -> LastIterate:
         """Return the solution from the state x with data p (numbers, count) and q (numbers, 1) from the inputs `start`,
@@ -127,53 +255,60 @@ class InteriorPoint:
             return self._solved(x.reshape(-1, 1), p, q, start)
 
     def _solved(self, x: np.ndarray, p: np.ndarray, q: np.ndarray, start: tuple[np.ndarray, ...] | None) -> LastIterate:
-        of, end, one = self.of, self.end, self.real.dtype(1.0)
+        of, end, one, zero = self.of, self.end, self.real.dtype(1.0), self.real.dtype(0.0)
         u = np.zeros((self.stage.inputs, self.count), self.real.dtype) if start is None else start[0]
-        states, y, after, y_end, cost = self._followed(x, p, q, u)
-        if start is None or len(start) == 1:
-            s, s_end = of.each("begin", p, y)[0], end.each("begin", q, y_end)[0]
+        after, y, bound = of.along("follow", [x], p, u)
+        states = np.column_stack([x, after])
+        (bound_end,), (y_end,) = end.each("given", q), end.each("move", q, states[:, -1:])
+        cost, by_x, by_u, by_end = self._graded(p, q, states, u)
+        at, at_end = _Limits(self.stage, self.count, self.real), _Limits(self.last, 1, self.real)
+        centre = self.real.dtype(FIRST if start is None else AGAIN) * (one + abs(cost)) / self.products
+        if start is None:
+            at.begun(y, bound, centre)
+            at_end.begun(y_end, bound_end, centre)
         else:
-            s, s_end = of.each("push", start[1])[0], end.each("push", start[2])[0]
+            at.pushed(bound, start[1], centre)
+            at_end.pushed(bound_end, start[2], centre)
         iteration = 0
         while True:
-            judged = zip(of.each("judge", p, y, s), end.each("judge", q, y_end, s_end), strict=True)
-            gap, residual, excess, price = (self._sum(a, b) for a, b in judged)
-            (g,) = end.each("adjoint", q, after, s_end)
-            gradient = excess + self._sum(of.along("adjoint", [g], _back(p), _back(states), _back(u), _back(s))[1])
-            total = cost + price
+            terms = zip(at.measured(y), at_end.measured(y_end), strict=True)
+            gap, residual, gradient, total = (
+                _sum(first, *pair) for first, pair in zip((zero, zero, zero, cost), terms, strict=True)
+            )
             status = self._judged(gap, residual, gradient, total)
+            if status == Status.OK or iteration == self.max_iterations:
+                (g,) = end.each("pull", q, at_end.multiplied(), by_end)
+                h = of.along("pulled", [g], _back(p), _back(at.multiplied()), _back(by_x), _back(by_u))[1]
+                gradient = gradient + _sum(zero, np.abs(h))
+                status = self._judged(gap, residual, gradient, total)
             if status != Status.NOT_CONVERGED or iteration == self.max_iterations:
                 break
             iteration += 1
-            weight, slope = of.each("weigh", p, y, s, 0.0, self.none)
-            weight_end, slope_end = end.each("weigh", q, y_end, s_end, 0.0, self.none_end)
-            P, g = end.each("factor", q, after, weight_end, slope_end)
-            factor = of.along("factor", [P, g], _back(p), _back(states), _back(u), _back(weight), _back(slope))
-            K, k, lower, inverse, pivot = factor[2:]
-            if not np.all(pivot > 0):
+            (weight, slope), (weight_end, slope_end) = at.weighed(), at_end.weighed()
+            P = end.each("factor", q, weight_end)
+            factor = of.along("factored", P, _back(p), _back(weight))
+            if not np.all(factor[4] > 0):
                 status = Status.SINGULAR
                 break
-            gains = _blocks_back(K, self.count)
-            aim = (self.real.dtype(0.0), self.none, self.none_end)
-            du, ds, ds_end, product, product_end = self._changed(p, q, y, y_end, s, s_end, gains, _back(k), *aim)
-            length = one / max(_reach(s, ds), _reach(s_end, ds_end), one)
-            ahead = self._sum(of.each("ahead", s, ds, length)[0], end.each("ahead", s_end, ds_end, length)[0])
-            ratio = ahead / gap
-            centre = ratio * ratio * ratio * gap / self.limits
-            slope = of.each("weigh", p, y, s, centre, product)[1]
-            slope_end = end.each("weigh", q, y_end, s_end, centre, product_end)[1]
-            (g,) = end.each("vector", q, after, slope_end)
-            k = of.along("vector", [g], _back(p), _back(states), _back(u), _back(slope), K, lower, inverse)[1]
-            aim = (centre, product, product_end)
-            du, ds, ds_end, _, _ = self._changed(p, q, y, y_end, s, s_end, gains, _back(k), *aim)
-            most = self.real.dtype(TO_BOUNDARY)
-            length = most / max(_reach(s, ds), _reach(s_end, ds_end), most)
-            u, s, s_end = u + length * du, s + length * ds, s_end + length * ds_end
-            states, y, after, y_end, cost = self._followed(x, p, q, u)
-        states = np.column_stack([states, after])
+            _, du, dy, dy_end = self._stepped(p, q, slope, slope_end, by_x, by_u, by_end, factor)
+            (minus, least, most), (minus_end, least_end, most_end) = at.tried(dy), at_end.tried(dy_end)
+            reach = _larger(-min(least, least_end), one + max(most, most_end))
+            length = one / _larger(reach, one)
+            ratio = _larger(one - length - length * (length * (_sum(zero, minus, minus_end) / gap)), zero)
+            enough = self.real.dtype(ENOUGH) * (self.tolerance * (one + abs(total)))
+            centre = _larger(ratio * (ratio * (ratio * gap)), enough) / self.products
+            slope, slope_end = at.aimed(centre), at_end.aimed(centre)
+            dx, du, dy, dy_end = self._stepped(p, q, slope, slope_end, by_x, by_u, by_end, factor)
+            reach, boundary = -min(at.changed(dy), at_end.changed(dy_end)), self.real.dtype(TO_BOUNDARY)
+            length = boundary / _larger(reach, boundary)
+            states, u, y, y_end = (a + length * b for a, b in ((states, dx), (u, du), (y, dy), (y_end, dy_end)))
+            at.advanced(length)
+            at_end.advanced(length)
+            cost, by_x, by_u, by_end = self._graded(p, q, states, u)
         return LastIterate(
-            status, states, u, float(total), iteration, float(gap), float(residual), float(gradient), s, s_end
-        )
+            status, states, u, float(total), iteration, float(gap), float(residual), float(gradient), at.sides,
+            at_end.sides,
+        )  # fmt: skip
 
     def _judged(self, gap: Any, residual: Any, gradient: Any, total: Any) -> Status:
         if not all(np.isfinite(value) for value in (gap, residual, gradient, total)):
@@ -183,35 +318,44 @@ class InteriorPoint:
         met = gap <= allowed and residual <= self.tolerance and gradient <= most * allowed
         return Status.OK if met else Status.NOT_CONVERGED
 
-    def _followed(self, x: np.ndarray, p: np.ndarray, q: np.ndarray, u: np.ndarray) -> tuple[Any, ...]:
-        """States before the stages, rows, last state, its rows, cost without prices."""
-        after, y, cost = self.of.along("follow", [x], p, u)
-        y_end, cost_end = self.end.each("follow", q, after[:, -1:])
-        return np.column_stack([x, after[:, :-1]]), y, after[:, -1:], y_end, self._sum(cost, cost_end)
+    def _graded(self, p: Any, q: Any, states: np.ndarray, u: np.ndarray) -> tuple[Any, ...]:
+        """Cost without prices, and its derivatives."""
+        cost, by_x, by_u = self.of.each("grade", p, states[:, :-1], u)
+        cost_end, by_end = self.end.each("grade", q, states[:, -1:])
+        return _sum(self.real.dtype(0.0), cost, cost_end), by_x, by_u, by_end
 
-    def _changed(
-        self, p: Any, q: Any, y: Any, y_end: Any, s: Any, s_end: Any, K: Any, k: Any, centre: Any, product: Any,
-        product_end: Any,
-    ) -> tuple[Any, ...]:  # fmt: skip
-        """Steps of the inputs and the sides, and the products of these."""
+    def _stepped(
+        self, p: Any, q: Any, slope: Any, slope_end: Any, by_x: Any, by_u: Any, by_end: Any, factor: Columns
+    ) -> Columns:
+        """Steps of states, inputs and rows."""
+        K, lower, inverse = factor[1:4]
+        (g,) = self.end.each("pull", q, slope_end, by_end)
+        k = self.of.along("backward", [g], _back(p), _back(slope), _back(by_x), _back(by_u), K, lower, inverse)[1]
         still = np.zeros((self.stage.states, 1), self.real.dtype)
-        dx, du, dy = self.of.along("move", [still], p, K, k)
-        ds, new = self.of.each("change", p, y, s, centre, product, dy)
-        (dy_end,) = self.end.each("move", q, dx[:, -1:])
-        ds_end, new_end = self.end.each("change", q, y_end, s_end, centre, product_end, dy_end)
-        return du, ds, ds_end, new, new_end
-
-    def _sum(self, *values: Any) -> Any:
-        """Sum in order, as a loop in C adds up."""
-        total = self.real.dtype(0.0)
-        for value in np.concatenate([np.ravel(v) for v in values]):
-            total = total + value
-        return total
+        after, du, dy = self.of.along("forward", [still], p, _blocks_back(K, self.count), _back(k))
+        return [np.column_stack([still, after]), du, dy, *self.end.each("move", q, after[:, -1:])]
 
 
-def _reach(s: np.ndarray, ds: np.ndarray) -> Any:
-    """Largest decrease over the number that decreases."""
-    return np.max(-ds / s, initial=s.dtype.type(0.0))
+def _chained(f: dict[str, ca.Function]) -> dict[str, ca.Function]:
+    """Kernels in the order of C, which loops over the stages: what is carried comes first."""
+    p, x, u = f["move"].sx_in()
+    _, slope, by_x, by_u, g = f["pull"].sx_in()
+    _, weight, P = f["factor"].sx_in()
+    _, _, K, lower, inverse = f["offset"].sx_in()
+    k = f["feed"].sx_in()[2]
+    bound, b = f["given"].call([p])
+    y, after = f["move"].call([p, x, u])
+    pulled = f["pull"].call([p, slope, by_x, by_u, g])
+    du = f["feed"].call([x, K, k])[0]
+    dy, dx = f["move"].call([p, x, du])
+    made = {
+        "follow": ([x, p, u], [after + b, y, bound]),
+        "pulled": ([g, p, slope, by_x, by_u], pulled),
+        "factored": ([P, p, weight], f["factor"].call([p, weight, P])),
+        "backward": ([g, p, slope, by_x, by_u, K, lower, inverse], f["offset"].call([*pulled, K, lower, inverse])),
+        "forward": ([x, p, K, k], [dx, du, dy]),
+    }
+    return {name: ca.Function(name, given, results) for name, (given, results) in made.items()}
 
 
 def _back(columns: np.ndarray) -> np.ndarray:

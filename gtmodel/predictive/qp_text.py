@@ -22,38 +22,52 @@ class QPText:
     def kernels(self) -> list[ca.Function]:
         """Return the operations of a stage and of the last one under their C names."""
         return [
-            called(f[k], f"{self.symbol}_{name}_{k}")
-            for f, name in zip(self.qp.kernels, NAMES, strict=True)
-            for k in KERNELS
+            called(f[k], f"{self.symbol}_{name}_{k}") for f, name in zip(self.qp.kernels, NAMES, strict=True) for k in f
         ]
 
     def table(self) -> str:
-        """Return the constant that describes the program."""
+        """Return the constants that describe the program."""
         qp, symbol = self.qp, self.symbol
         n, m = qp.stage.states, qp.stage.inputs
-        heads = []
-        for name, of in zip(NAMES, (qp.stage, qp.last), strict=True):
-            numbers = [of.numbers, len(of.rows), of.positives, of.positives // 2]
-            heads.append(f"{{{', '.join([*map(str, numbers), *[f'{symbol}_{name}_{k}' for k in KERNELS]])}}}")
-        given = [f"{qp.count}, {n}, {m}, {n * (n + 1) // 2}, {m * (m - 1) // 2}, {qp.max_iterations}"]
+        tables, heads = [], []
+        for name, of, functions in zip(NAMES, (qp.stage, qp.last), qp.kernels, strict=True):
+            prices = [p for s in of.sides if s.price for p in s.price]
+            tables += [
+                _array("int", f"{symbol}_{name}_row", [str(s.row) for s in of.sides]),
+                _array("double", f"{symbol}_{name}_sign", [decimal(s.sign) for s in of.sides]),
+                _array("double", f"{symbol}_{name}_price", [decimal(p) for p in prices]),
+            ]
+            numbers = [of.numbers, len(of.rows), len(of.sides), len(of.soft), of.positives]
+            names = [f"{symbol}_{name}_{k}" for k in ("row", "sign", "price")]
+            names += [f"{symbol}_{name}_{k}" if k in functions else "0" for k in KERNELS]
+            heads.append(f"{{{', '.join([*map(str, numbers), *names])}}}")
+        given = [f"{qp.count}, {n}, {m}, {qp.max_iterations}"]
         given += [f"{decimal(max(self.sides // 2, 1))}, {decimal(self.tolerance)}", *heads]
         inner = ",\n    ".join(given)
-        return f"static const gt_stage_qp {symbol}_qp = {{\n    {inner}\n}};\n\n"
+        return f"{''.join(tables)}static const gt_stage_qp {symbol}_qp = {{\n    {inner}\n}};\n\n"
 
     def memory(self) -> tuple[str, str]:
         """Return the declarations of the arrays, and the statements that point to them."""
         qp, sides = self.qp, self.sides
         n, m, count, stage, last = qp.stage.states, qp.stage.inputs, qp.count, qp.stage, qp.last
-        rows, products = count * len(stage.rows) + len(last.rows), sides // 2
-        part = max(m, self.own // 2, self.end // 2)
+        rows, limits, soft = (
+            count * len(a) + len(b)
+            for a, b in ((stage.rows, last.rows), (stage.sides, last.sides), (stage.soft, last.soft))
+        )
         sizes = {
-            "x": (count + 1) * n, "u": count * m, "du": count * m, "y": rows, "sides": sides, "change": sides,
-            "product": products, "weight": rows, "slope": rows, "gain": count * m * n, "offset": count * m,
-            "lower": count * m * (m - 1) // 2, "inverse": count * m, "part": part, "hessian": n * (n + 1),
-            "gradient": 2 * n, "dx": 2 * n, "dy": max(len(stage.rows), len(last.rows)),
+            "limits": limits, "excesses": soft, "bound": max(len(stage.sides), len(last.sides)), "sides": sides,
+            "x": (count + 1) * n, "u": count * m, "dx": (count + 1) * n, "du": count * m, "y": rows, "dy": rows,
+            "weight": rows, "slope": rows, "by_x": (count + 1) * n, "by_u": count * m, "gain": count * m * n,
+            "offset": count * m, "lower": count * m * (m - 1) // 2, "inverse": count * m, "part": m,
+            "hessian": n * (n + 1), "gradient": 2 * n,
         }  # fmt: skip
-        arrays = "".join(f"    double {k}[{max(1, size)}];\n" for k, size in sizes.items())
+        of = {"limits": "gt_stage_qp_limit", "excesses": "gt_stage_qp_excess"}
+        arrays = "".join(f"    {of.get(k, 'double')} {k}[{max(1, size)}];\n" for k, size in sizes.items())
         return arrays, "".join(f"    work.{k} = {k};\n" for k in sizes)
+
+
+def _array(of: str, name: str, entries: list[str]) -> str:
+    return f"static const {of} {name}[{max(1, len(entries))}] = {{{', '.join(entries or ['0'])}}};\n"
 
 
 def called(f: ca.Function, name: str) -> ca.Function:

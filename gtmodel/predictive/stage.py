@@ -52,7 +52,7 @@ class HorizonStage(Portable):
         data: symbols of the numbers that are given with each solution.
         after: state after the stage, linear in x and u; None for the last stage.
         cost: quadratic in x and u, convex, and strictly convex in u together with what follows.
-        rows: quantities with limits.
+        rows: quantities with limits. `sides` lists their limits, the exact ones first.
 
     Raises ArgumentError if an expression depends on other symbols, or is not linear or quadratic.
 
@@ -111,7 +111,7 @@ class HorizonStage(Portable):
                 if limit is not None:
                     _check_symbols(f"rows[{i}]", ca.SX(limit), ca.SX(0, 1), ca.SX(0, 1), self.data)
                     sides.append(Side(i, sign, sign * (ca.SX(limit) - offset[i]), row.price))
-        return sides
+        return sorted(sides, key=lambda side: side.price is not None)  # the exact ones first
 
     @property
     def states(self) -> int:

@@ -21,7 +21,7 @@ def test_the_shipped_controller_takes_accelerations_as_inputs(tmp_path: Path) ->
     assert [m.identifier for m in law.inputs] == ["q_m", "T_goal_m"]
     assert [m.identifier for m in law.outputs][:3] == ["tau_N", "q_m", "d_q_m_s"]
     assert write(problem, Context(), tmp_path / "out").status.ok
-    assert "at most 25 iterations" in (tmp_path / "out" / "gt_l1.h").read_text()
+    assert "at most 20 iterations" in (tmp_path / "out" / "gt_l1.h").read_text()
 
 
 @pytest.mark.proof

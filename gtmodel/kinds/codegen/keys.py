@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from pydantic import Field, PositiveFloat
 
-from gtmodel import predictive
+from gtmodel import cgen, predictive
 from gtmodel.cgen import Verification
 from gtmodel.fmu.plant_unit import PlantUnit
 from gtmodel.loop.disturbed import Disturbances
@@ -35,7 +35,11 @@ class Function(FileSection):
     prefer: list[str] = Field(default=[], description="names to keep as states")
     branches: dict[str, Literal[-1, 1]] = Field(default={}, description="sign by name of a declared branch")
     trajectory: bool = Field(default=False, description="also generate NAME_at, along a sampled reference")
-
+    jacobian: bool = Field(
+        default=False,
+        description="also generate NAME_jacobian, the derivatives of the targets by the inputs; not in units, which "
+        "have them",
+    )
     start: dict[str, float | list[float]] = Field(
         default={},
         description="for --fmu: input or state = start value in SI; at rest at home if empty",
@@ -44,6 +48,15 @@ class Function(FileSection):
     parameters: list[str] = Field(
         default=[], description='for --fmu: parameters of the model, such as "m_p", that stay tunable parameters'
     )
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all functions of this table."""
+        return [self.name, f"{self.name}_jacobian"] if self.jacobian else [self.name]
+
+    def with_jacobian(self, f: Any) -> dict[str, Any]:
+        """Return the functions of `names`, of which `f` is the first."""
+        return dict(zip(self.names, [f, cgen.jacobian_function(f)] if self.jacobian else [f], strict=True))
 
 
 class FmuSection(FileSection):
@@ -280,6 +293,11 @@ class Schema(RobotProblem):
     plant: PlantUnitSection | None = Field(
         default=None, description="for gtmodel loop: a unit (FMI) instead of the simulated robot"
     )
+
+    @property
+    def jacobians(self) -> list[str]:
+        """Names of the functions that are Jacobians."""
+        return [name for f in self.functions for name in f.names[1:]]
 
     def robot_from(self, context: Context, out: Path) -> str:
         """Return the robot as the manifest of a generated folder names it: the path of its file from there."""

@@ -77,7 +77,7 @@ def _units(problem: Schema, context: Context, out: Path, fmu: str, verify: bool,
         raise InputError(f"--fmu {fmu!r}: expected 3, 2 or both")
     if problem.real != "double":
         raise InputError("units compute in double; leave it out, or generate C code", "real")
-    functions = functions_of(problem, context)
+    functions = {n: f for n, f in functions_of(problem, context).items() if n not in problem.jacobians}
     s = problem.fmu
     all_ = {"stop": s.stop_s, "on_fault": s.on_fault, "tolerance": s.tolerance, "step": s.step_s}
     options = {f.name: {**all_, **f.model_dump(include={"start", "tunable", "parameters"})} for f in problem.functions}
@@ -104,13 +104,13 @@ def functions_of(problem: Schema, context: Context) -> dict[str, CausalFunction 
     model = problem.model(context)
     functions: dict[str, CausalFunction | StepFunction] = {}
     for n, f in enumerate(problem.functions):
-        if f.name in functions:
-            raise InputError(f"'{f.name}' names two functions", f"functions[{n}].name")
+        if twice := [name for name in f.names if name in functions]:
+            raise InputError(f"'{twice[0]}' names two functions", f"functions[{n}].name")
         if context.interrupted():
             break
         context.progress(f"deriving {f.name}", n / len(problem.functions))
         try:
-            functions[f.name] = compile_causal(model, f.known, f.targets, f.prefer, f.branches, f.name)
+            functions |= f.with_jacobian(compile_causal(model, f.known, f.targets, f.prefer, f.branches, f.name))
         except ModelError as error:
             raise InputError(f"{error} (function '{f.name}')", f"functions[{n}]") from error
     steps: list[tuple[str, Any, Any]] = [(f"filters[{n}]", s, _filter) for n, s in enumerate(problem.filters)]
