@@ -4,6 +4,7 @@ equations."""
 from __future__ import annotations
 
 import difflib
+import math
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from ..lang.source import ModelError, SourceLocation
 from .flat import FlatEquation, FlatModel
 from .graph import alternating, highest_transversal, largest_matching, neighbours_of, reversed_matching
 from .positions import is_position
+from .rewriting import applied, instructions, walked
 from .trees import loop_of
 
 MAX_SHOWN = 12  # equations named in one message
@@ -300,10 +302,44 @@ def _halved(e: ca.SX, known: dict[int, ca.SX | None], depth: int) -> ca.SX | Non
     return None
 
 
+class _QuarterTurns:
+    def leaf(self, x: ca.SX) -> ca.SX:
+        return x
+
+    def operation(self, k: int, op: int, given: list[ca.SX]) -> ca.SX:
+        if op in (ca.OP_COS, ca.OP_SIN) and given[0].is_constant() and is_quarter(float(given[0]), op):
+            return ca.SX(0)
+        return given[0] if op == ca.OP_ASSIGN else applied(op, given)
+
+    def whole(self, form: ca.SX) -> ca.SX:
+        return form
+
+
+def is_quarter(x: float, op: int) -> bool:
+    return x != 0.0 and abs(math.cos(x) if op == ca.OP_COS else math.sin(x)) <= 2.0**-52 * abs(x)
+
+
+def _has_quarter_turns(flat: FlatModel, fold: ca.SX) -> bool:
+    values = np.array(ca.DM(fold)).ravel()
+    return any(
+        q.unit == "rad" and (is_quarter(v, ca.OP_COS) or is_quarter(v, ca.OP_SIN))
+        for q, v in zip(flat.parameters, values, strict=True)
+    )
+
+
 def folded(flat: FlatModel, derivatives: list[list[ca.SX]], fold: ca.SX) -> list[list[ca.SX]]:
     if not flat.parameters:
         return derivatives
-    everything = ca.substitute([e for chain in derivatives for e in chain], [flat.p], [fold])
+    everything = [e for chain in derivatives for e in chain]
+    if fold.is_constant() and not flat.scope.calls and _has_quarter_turns(flat, fold):
+        columns = ca.vertcat(*everything)
+        symbols = ca.symvar(columns)
+        own = {s.element_hash(): n for n, s in enumerate(ca.vertsplit(flat.p))}
+        f = ca.Function("f", [ca.vertcat(*symbols)], [ca.densify(columns)])
+        values = [fold[own[s.element_hash()]] if s.element_hash() in own else s for s in symbols]
+        everything = walked(instructions(f), values, _QuarterTurns())
+    else:
+        everything = ca.substitute(everything, [flat.p], [fold])
     flatten = iter(everything)
     return [[next(flatten) for _ in chain] for chain in derivatives]
 
