@@ -137,6 +137,7 @@ def in_body_axes(
     residuals: dict[Node, ca.SX] = {}
     options: dict[tuple[Node, ...], list[Timed]] = {}
     along: list[Node] = []
+    crossing: set[Timed] = set()
     for group in groups:
         pairs = sorted({p for node in group for p in inside[node]})
         place = reading.place_of(pairs)
@@ -148,6 +149,7 @@ def in_body_axes(
         residuals |= zip(group, ca.vertsplit(reading.turned(column, pairs, place.body, group in falling)), strict=True)
         if len(group) == 3:
             options[group] = place.own
+            crossing |= {v for v in reading._vectors_in(pairs) if v in axes and axes[v] != place.body}
         else:
             along += group
     for i, m in set(rates).intersection(inside):
@@ -162,7 +164,8 @@ def in_body_axes(
     for group, n in zip(options, matching, strict=True):
         if n >= 0:
             (triple, order), body = vectors[n], axes[vectors[n]]
-            rank = 2 * (deepest - bodies.rank(body)[0]) + (not bodies.vectors[triple].through)
+            kind = (3 if vectors[n] in crossing else 0) if bodies.vectors[triple].through else HIGHEST - order
+            rank = 4 * (deepest - bodies.rank(body)[0]) + kind
             own |= {node: Own((i, order), rank) for node, i in zip(group, triple, strict=True)}
     return BodyAxes(flat, residuals, [reading.back(v) for v in axes], reading.samples(samples), own)
 
