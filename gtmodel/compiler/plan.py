@@ -199,7 +199,9 @@ def _unsettled(
             values = folded_into(flat, [list(axes.residuals.values())], fold)[0]
             axes = replace(axes, residuals=dict(zip(axes.residuals, values, strict=True)))
             inner = order.read(flat, _replaced(folded, axes.residuals), axes)
-            blocks = None if inner is None else axes.in_world(solved(inner, axes))
+            turned = [] if inner is None else solved(inner, axes)
+            if inner is not None and axes.keep_closed(inner.components, turned):
+                blocks = axes.in_world(turned)
     if blocks is None:
         blocks = solved(order)
     chain = None

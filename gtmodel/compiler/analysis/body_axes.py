@@ -69,6 +69,15 @@ class BodyAxes:
         owners = [self.flat.scope.owner(s) for t in self.turned for s in ca.symvar(t.R)]
         return list(dict.fromkeys(pair for pair in owners if pair is not None))
 
+    def keep_closed(self, components: Sequence[Sequence[Node]], blocks: Sequence[SolvedBlock]) -> bool:
+        """Return whether blocks of these nodes need no other pivots than the mass matrices of bodies."""
+        for nodes, b in zip(components, blocks, strict=True):
+            if any(n in self.residuals for n in nodes) and (
+                b.kind not in ("explicit", "linear") or len(nodes) == 1 and b.margins or "dense" in b.detail
+            ):
+                return False
+        return True
+
     def in_world(self, blocks: Sequence[SolvedBlock]) -> list[SolvedBlock]:
         """Return blocks solved from these residuals, and one that turns their unknowns to the world's axes."""
         symbol = self.flat.scope.symbol

@@ -47,7 +47,7 @@ class Constants:
     """
 
     def __init__(self, held: Collection[int] = (), ranks: Mapping[int, tuple[int, int]] | None = None) -> None:
-        self._held, self.ranks = frozenset(held), ranks or {}
+        self.held, self.ranks = frozenset(held), ranks or {}
         self._last = 1 + max([rank for _, rank in self.ranks.values()], default=0)
 
     def fill(self, row: int, column: int) -> int:
@@ -59,7 +59,7 @@ class Constants:
         if entry.kind is None or not entry.size >= MIN_PIVOT_RATIO * largest:
             return math.inf
         column, rank = self.ranks.get(i, (j, 0))
-        late = self._last if column != j or j in self._held else rank
+        late = self._last if column != j or j in self.held else rank
         return pivot_cost(entry.kind, fill, entry.size, largest) + HELD_COST * late
 
     def taken(self, i: int, j: int) -> Collection[int]:
@@ -74,7 +74,8 @@ class Mixed(Constants):
     """
 
     def __init__(self, core: Elimination, pairs: Mapping[int, int]) -> None:
-        super().__init__((), core.rule.ranks)
+        held = {core.pivots[j]: (j, 0) for j in core.rule.held if j in core.pivots} if core.rule.ranks else {}
+        super().__init__((), {**core.rule.ranks, **held})
         self._pairs, self._columns = dict(pairs), set(pairs.values())
         self._place = {i: k for k, i in enumerate(pairs)}
         self._rest = core.numbers(list(pairs), list(pairs.values()))
