@@ -200,7 +200,7 @@ def _unsettled(
             axes = replace(axes, residuals=dict(zip(axes.residuals, values, strict=True)))
             inner = order.read(flat, _replaced(folded, axes.residuals), axes)
             turned = [] if inner is None else solved(inner, axes)
-            if inner is not None and axes.keep_closed(inner.components, turned):
+            if inner is not None and axes.suit(inner.components, turned):
                 blocks = axes.in_world(turned)
     if blocks is None:
         blocks = solved(order)

@@ -17,6 +17,8 @@ Matrix = tuple[int, ...]  # kept indices of the entries of a rotation matrix, ro
 
 # largest difference between an equation and the one it is compared with, relative to its size
 SAME = 1e-9
+# number of bodies on the longest way of joints along which rotations are multiplied: two joints without a body between
+NEAR = 3
 
 
 def unique(tuples: Iterable[tuple[int, ...]]) -> dict[int, tuple[int, ...]]:
@@ -169,22 +171,18 @@ class Bodies:
             way.append(body)
         return way
 
-    def near(self, bodies: Sequence[Matrix]) -> bool:
-        """Return whether all bodies are neighbours of one of them."""
-        return any(all(b in (a, *self._neighbours(a)) or a in self._neighbours(b) for b in bodies) for a in bodies)
-
-    def _neighbours(self, body: Matrix) -> tuple[Matrix, ...]:
-        return (self._before[body][0],) if body in self._before else ()
-
     def between(self, body: Matrix, other: Matrix) -> ca.SX:
-        """Return the rotation of another body in the axes of a body, by the joints between them."""
+        """Return the rotation of another body in the axes of a body."""
         if body == other:
             return ca.SX.eye(3)
         if (body, other) not in self._relative:
-            if other in self._neighbours(body):
-                value = self._before[body][1].T
-            elif body in self._neighbours(other):
-                value = self._before[other][1]
+            inwards, outwards = self._way(body)[1:NEAR], self._way(other)[1:NEAR]
+            if other in inwards:
+                before, M = self._before[body]
+                value = M.T @ self.between(before, other)
+            elif body in outwards:
+                before, M = self._before[other]
+                value = self.between(body, before) @ M
             else:
                 value = self.symbols(body).T @ self.symbols(other)
             self._relative[body, other] = value

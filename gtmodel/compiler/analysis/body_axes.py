@@ -44,7 +44,7 @@ class Turned(NamedTuple):
 
 class Own(NamedTuple):
     """The unknown in an equation of bodies that has the factor 1, None for the component of a vector along an axis; and
-    the rank of the equation: the larger, the nearer to the root, and velocities after the forces of the same body."""
+    the rank of the equation, by which pivots are taken from the ends of a tree to its root."""
 
     pair: Pair | None
     rank: int
@@ -62,6 +62,7 @@ class BodyAxes:
     turned: list[Turned]
     samples: np.ndarray
     own: dict[Node, Own]
+    forces: frozenset[Node]
 
     @property
     def rotations(self) -> list[Pair]:
@@ -69,14 +70,16 @@ class BodyAxes:
         owners = [self.flat.scope.owner(s) for t in self.turned for s in ca.symvar(t.R)]
         return list(dict.fromkeys(pair for pair in owners if pair is not None))
 
-    def keep_closed(self, components: Sequence[Sequence[Node]], blocks: Sequence[SolvedBlock]) -> bool:
-        """Return whether blocks of these nodes need no other pivots than the mass matrices of bodies."""
-        for nodes, b in zip(components, blocks, strict=True):
-            if any(n in self.residuals for n in nodes) and (
-                b.kind not in ("explicit", "linear") or len(nodes) == 1 and b.margins or "dense" in b.detail
-            ):
-                return False
-        return True
+    def suit(self, components: Sequence[Sequence[Node]], blocks: Sequence[SolvedBlock]) -> bool:
+        """Return whether these blocks, one for each component, have forces among the unknowns, and no other pivots that
+        depend on the state than those of definite matrices and of small ones."""
+        turned = [(c, b) for c, b in zip(components, blocks, strict=True) if not self.residuals.keys().isdisjoint(c)]
+        return any(n in self.forces for c, _ in turned for n in c) and all(
+            b.kind in ("explicit", "linear")
+            and not (len(c) == 1 and b.margins)
+            and (b.core is None or b.core.definite)
+            for c, b in turned
+        )
 
     def in_world(self, blocks: Sequence[SolvedBlock]) -> list[SolvedBlock]:
         """Return blocks solved from these residuals, and one that turns their unknowns to the world's axes."""
@@ -118,6 +121,8 @@ def in_body_axes(
     solved: nodes with the symbols that they are solved for; all other symbols keep their meaning. rates: nodes with
     the rates of rotation matrices by angular velocities.
     """
+    if flat.loops.closings or not flat.rotations:
+        return None
     bodies = Bodies(flat, alias)
     if not bodies:
         return None
@@ -146,25 +151,26 @@ def in_body_axes(
     residuals: dict[Node, ca.SX] = {}
     options: dict[tuple[Node, ...], list[Timed]] = {}
     along: list[Node] = []
-    crossing: set[Timed] = set()
+    crossing: set[Timed] = set()  # forces that also act on the body before
+    forces: set[Node] = set()
     for group in groups:
         pairs = sorted({p for node in group for p in inside[node]})
         place = reading.place_of(pairs)
         if place is None:
             continue
-        if not bodies.near(place.bodies) or not place.framed:
+        if not place.framed:
             return None
         column = ca.vertcat(*[derivatives[i][m] for i, m in group])
         residuals |= zip(group, ca.vertsplit(reading.turned(column, pairs, place.body, group in falling)), strict=True)
+        if any(bodies.vectors[t].through for t, _ in place.own):
+            forces |= set(group)
         if len(group) == 3:
             options[group] = place.own
-            crossing |= {v for v in reading._vectors_in(pairs) if v in axes and axes[v] != place.body}
+            crossing |= {v for v in reading.vectors_in(pairs) if axes.get(v, place.body) != place.body}
         else:
             along += group
     for i, m in set(rates).intersection(inside):
         residuals[i, m] = reading.in_world(derivatives[i][m], inside[i, m])
-    if not along or not any(bodies.vectors[t].through for t, _ in axes):
-        return None
     vectors = list(axes)
     number = {v: n for n, v in enumerate(vectors)}
     deepest = max(bodies.rank(b)[0] for b in axes.values())
@@ -173,10 +179,11 @@ def in_body_axes(
     for group, n in zip(options, matching, strict=True):
         if n >= 0:
             (triple, order), body = vectors[n], axes[vectors[n]]
-            kind = (3 if vectors[n] in crossing else 0) if bodies.vectors[triple].through else HIGHEST - order
-            rank = 4 * (deepest - bodies.rank(body)[0]) + kind
+            # of a body: its own forces, accelerations of points before those of turns, then forces on the body before
+            kind = HIGHEST - order if not bodies.vectors[triple].through else HIGHEST if vectors[n] in crossing else 0
+            rank = (HIGHEST + 1) * (deepest - bodies.rank(body)[0]) + kind
             own |= {node: Own((i, order), rank) for node, i in zip(group, triple, strict=True)}
-    return BodyAxes(flat, residuals, [reading.back(v) for v in axes], reading.samples(samples), own)
+    return BodyAxes(flat, residuals, [reading.back(v) for v in axes], reading.samples(samples), own, frozenset(forces))
 
 
 class _Rows(NamedTuple):
@@ -247,11 +254,10 @@ def _rows_of(flat: FlatModel, structure: EquationStructure, bodies: Bodies) -> _
 
 
 class _Place(NamedTuple):
-    """The body in whose axes an equation is read, all bodies in it, whether each unknown vector belongs to a body, and
-    the vectors for which it may be solved."""
+    """The body in whose axes an equation is read, whether all its vectors belong to bodies, and the vectors for which it
+    may be solved."""
 
     body: Matrix
-    bodies: list[Matrix]
     framed: bool
     own: list[Timed]
 
@@ -307,23 +313,21 @@ class _Reading:
         good = iter(np.abs(np.array(f(x, p, 0.3)).ravel() - before) <= SAME * np.maximum(1.0, np.abs(before)))
         return {g for g in groups if all([next(good) for _ in g])}
 
-    def _vectors_in(self, pairs: Sequence[Pair]) -> list[Timed]:
+    def vectors_in(self, pairs: Sequence[Pair]) -> list[Timed]:
         return sorted({(self._bodies.vector_of[i], order) for i, order in pairs if i in self._bodies.vector_of})
 
     def place_of(self, pairs: Sequence[Pair]) -> _Place | None:
         """Return the place of an equation with these symbols: with forces, the body nearest to the root, else the
         farthest one. None if no symbol has another meaning."""
-        vectors = self._vectors_in(pairs)
+        vectors = self.vectors_in(pairs)
         turned = [v for v in vectors if v in self._axes]
         if not turned:
             return None
         forces = [v for v in turned if self._bodies.vectors[v[0]].through]
         choose = min if forces else max
         body = choose([self._axes[v] for v in forces or turned], key=self._bodies.rank)
-        matrices = {self._bodies.matrix_of[i] for i, _ in pairs if i in self._bodies.matrix_of}
-        all_of = dict.fromkeys([*[self._axes[v] for v in turned], *[self._bodies.of(m)[0] for m in sorted(matrices)]])
         free = [v for v in vectors if v not in self._axes and not self._bodies.vectors[v[0]].matrices]
-        return _Place(body, list(all_of), not free, [v for v in forces or turned if self._axes[v] == body])
+        return _Place(body, not free, [v for v in forces or turned if self._axes[v] == body])
 
     def turned(self, column: ca.SX, pairs: Sequence[Pair], body: Matrix, in_fall: bool) -> ca.SX:
         """Return a residual in the axes of a body, and in a falling frame if it does not change there."""
@@ -331,7 +335,7 @@ class _Reading:
         old: list[ca.SX] = []
         new: list[ca.SX] = []
         world = bodies.symbols(body).T
-        for vector in self._vectors_in(pairs):
+        for vector in self.vectors_in(pairs):
             value = self._vector(vector, body)
             if self._falls(vector) and (vector in self._axes) != in_fall:
                 value = value + (-1 if in_fall else 1) * (world @ self._g())
@@ -372,7 +376,7 @@ class _Reading:
 
     def in_world(self, residual: ca.SX, pairs: Sequence[Pair]) -> ca.SX:
         """Return a residual in the axes of the world, for symbols with their other meaning."""
-        turned = [self.back(v) for v in self._vectors_in(pairs) if v in self._axes]
+        turned = [self.back(v) for v in self.vectors_in(pairs) if v in self._axes]
         old = [self._flat.scope.symbol(*p) for t in turned for p in t.pairs]
         new = [
             v for t in turned for v in ca.vertsplit(t.R @ ca.vertcat(*[self._flat.scope.symbol(*p) for p in t.pairs]))

@@ -63,12 +63,13 @@ def solve_linear(
         entries += [] if entry.value.is_zero() else [(i, j, entry)]
     chosen = Elimination(entries, rhs, signs, Constants(held, own), values)
     pairs = chosen.definite_pairs()
-    if pairs is None:
-        return _solution(chosen, None, unknowns, label)
-    start = _start(chosen, entries, rhs, {*pairs.values(), *held}) if own else None
+    core = {*held, *[j for j, inside in chosen.columns.items() if inside]}
+    start = _start(chosen, entries, rhs, core) if own else None
     if start is not None:
         rhs = start.rest
         chosen.with_right(rhs)
+    if pairs is None:
+        return _solution(chosen, None, unknowns, label, start)
     mixed = Elimination(entries, rhs, signs, Mixed(chosen, pairs), values)
     kinds = [mixed] if not mixed.rows else []
     if not kinds or len(pairs) <= LARGE_CORE or 2 * sum(map(len, chosen.rows.values())) < len(pairs) ** 2:
@@ -176,7 +177,7 @@ def _core(
     x, pivots = (_definite if pairs is not None else _determinants if n <= SMALL_CORE else _gram_schmidt)(a, b)
     named = zip(columns, pivots, strict=True)
     margins = [Margin("pivot", p, f"{label} ({unknowns[j].name()})") for j, p in named]
-    core = DenseCore([unknowns[j] for j in columns], a, b) if n > SMALL_CORE else None
+    core = DenseCore([unknowns[j] for j in columns], a, b, pairs is not None) if n > SMALL_CORE else None
     return [(unknowns[j], x[c]) for c, j in enumerate(columns)], margins, core
 
 
