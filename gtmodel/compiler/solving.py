@@ -37,7 +37,8 @@ def solve_block(
     """Solve the block of these nodes (equation, derivative) for their unknowns.
 
     uses: see `SolvedBlock`. pose: a rotation is known, and the block may contain a chain of joints. turns: an angle may
-    be limited to one turn about its start. states: the chain symbols that are states. own: for equations in the axes of bodies, see `BodyAxes`.
+    be limited to one turn about its start. states: the chain symbols that are states. own: for equations in the axes of
+    bodies, see `BodyAxes`.
     """
     order = sorted(nodes, key=lambda n: unknown_of[n])  # canonical: by declaration of the unknowns
     rows = sorted(nodes)

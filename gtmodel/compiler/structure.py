@@ -17,11 +17,13 @@ from ..lang.model import Model
 from ..lang.source import ModelError, SourceLocation
 from .flat import FlatEquation, FlatModel
 from .graph import alternating, highest_transversal, largest_matching, neighbours_of, reversed_matching
+from .matrices import stacked
 from .positions import is_position
-from .rewriting import applied, instructions, walked
+from .rewriting import applied, of_expression, walked
 from .trees import loop_of
 
 MAX_SHOWN = 12  # equations named in one message
+EPSILON = 2.0**-52
 
 
 @dataclass(frozen=True)
@@ -302,46 +304,55 @@ def _halved(e: ca.SX, known: dict[int, ca.SX | None], depth: int) -> ca.SX | Non
     return None
 
 
-class _QuarterTurns:
+def folded(flat: FlatModel, derivatives: list[list[ca.SX]], fold: ca.SX) -> list[list[ca.SX]]:
+    """Return derivatives with numbers (or symbols) in place of the parameters."""
+    if not flat.parameters:
+        return derivatives
+    everything = [e for chain in derivatives for e in chain]
+    turns = _quarter_turns(flat, fold) if fold.is_constant() and not flat.scope.calls and everything else None
+    if turns is not None:
+        within = ca.which_depends(stacked(everything), turns, 1, True)
+        chosen = [k for k, inside in enumerate(within) if inside]
+        exact = _with_exact_turns(flat, stacked([everything[k] for k in chosen]), fold) if chosen else []
+        for k, e in zip(chosen, exact, strict=True):
+            everything[k] = e
+    flatten = iter(ca.substitute(everything, [flat.p], [fold]))
+    return [[next(flatten) for _ in chain] for chain in derivatives]
+
+
+def _quarter_turns(flat: FlatModel, fold: ca.SX) -> ca.SX | None:
+    """Return the parameters that are angles of one or more quarter turns; None without any."""
+    values = zip(flat.parameters, np.array(ca.DM(fold)).ravel().tolist(), strict=True)
+    turns = [q.symbol for q, x in values if q.unit == "rad" and any(_vanishes(op, x) for op in (ca.OP_COS, ca.OP_SIN))]
+    return stacked(turns) if turns else None
+
+
+def _vanishes(op: int, x: float) -> bool:
+    """Return whether the cosine or sine of an angle that is not zero is round-off of zero."""
+    return x != 0.0 and abs(math.cos(x) if op == ca.OP_COS else math.sin(x)) <= EPSILON * abs(x)
+
+
+def _with_exact_turns(flat: FlatModel, column: ca.SX, fold: ca.SX) -> list[ca.SX]:
+    """Return the entries of a column with numbers for the parameters; cosine and sine of quarter turns are exact, where
+    those of the nearest double, such as 6e-17, are errors of the angle's last digit and would fill matrices."""
+    number = {s.element_hash(): fold[k] for k, s in enumerate(ca.vertsplit(flat.p))}
+    read, symbols = of_expression(column)
+    return walked(read, [number.get(s.element_hash(), s) for s in symbols], _ExactTurns())
+
+
+class _ExactTurns:
+    """The forms of instructions; the operands are numbers where the parameters are."""
+
     def leaf(self, x: ca.SX) -> ca.SX:
         return x
 
     def operation(self, k: int, op: int, given: list[ca.SX]) -> ca.SX:
-        if op in (ca.OP_COS, ca.OP_SIN) and given[0].is_constant() and is_quarter(float(given[0]), op):
+        if op in (ca.OP_COS, ca.OP_SIN) and given[0].is_constant() and _vanishes(op, float(given[0])):
             return ca.SX(0)
         return given[0] if op == ca.OP_ASSIGN else applied(op, given)
 
     def whole(self, form: ca.SX) -> ca.SX:
         return form
-
-
-def is_quarter(x: float, op: int) -> bool:
-    return x != 0.0 and abs(math.cos(x) if op == ca.OP_COS else math.sin(x)) <= 2.0**-52 * abs(x)
-
-
-def _has_quarter_turns(flat: FlatModel, fold: ca.SX) -> bool:
-    values = np.array(ca.DM(fold)).ravel()
-    return any(
-        q.unit == "rad" and (is_quarter(v, ca.OP_COS) or is_quarter(v, ca.OP_SIN))
-        for q, v in zip(flat.parameters, values, strict=True)
-    )
-
-
-def folded(flat: FlatModel, derivatives: list[list[ca.SX]], fold: ca.SX) -> list[list[ca.SX]]:
-    if not flat.parameters:
-        return derivatives
-    everything = [e for chain in derivatives for e in chain]
-    if fold.is_constant() and not flat.scope.calls and _has_quarter_turns(flat, fold):
-        columns = ca.vertcat(*everything)
-        symbols = ca.symvar(columns)
-        own = {s.element_hash(): n for n, s in enumerate(ca.vertsplit(flat.p))}
-        f = ca.Function("f", [ca.vertcat(*symbols)], [ca.densify(columns)])
-        values = [fold[own[s.element_hash()]] if s.element_hash() in own else s for s in symbols]
-        everything = walked(instructions(f), values, _QuarterTurns())
-    else:
-        everything = ca.substitute(everything, [flat.p], [fold])
-    flatten = iter(everything)
-    return [[next(flatten) for _ in chain] for chain in derivatives]
 
 
 def condition_order(flat: FlatModel, conditions: Sequence[FlatEquation], pairs: Sequence[Pair]) -> int:

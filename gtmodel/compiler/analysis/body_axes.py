@@ -75,9 +75,7 @@ class BodyAxes:
         depend on the state than those of definite matrices and of small ones."""
         turned = [(c, b) for c, b in zip(components, blocks, strict=True) if not self.residuals.keys().isdisjoint(c)]
         return any(n in self.forces for c, _ in turned for n in c) and all(
-            b.kind in ("explicit", "linear")
-            and not (len(c) == 1 and b.margins)
-            and (b.core is None or b.core.definite)
+            b.kind in ("explicit", "linear") and not (len(c) == 1 and b.margins) and (b.core is None or b.core.definite)
             for c, b in turned
         )
 
@@ -254,8 +252,8 @@ def _rows_of(flat: FlatModel, structure: EquationStructure, bodies: Bodies) -> _
 
 
 class _Place(NamedTuple):
-    """The body in whose axes an equation is read, whether all its vectors belong to bodies, and the vectors for which it
-    may be solved."""
+    """The body in whose axes an equation is read, whether all its vectors belong to bodies, and those for which it may
+    be solved."""
 
     body: Matrix
     framed: bool
