@@ -188,6 +188,21 @@ class Bodies:
             self._relative[body, other] = value
         return self._relative[body, other]
 
+    def direction(self, body: Matrix, other: Matrix, d: ca.SX) -> ca.SX:
+        """Return d, in the axes of another body, in those of a body; along the axis of the joint between them it is the
+        same at all angles."""
+        T = self.between(body, other)
+        parameters = {s.element_hash() for s in ca.vertsplit(self.flat.p)}
+        angles = [s for s in ca.symvar(T) if s.element_hash() not in parameters]
+        if d.shape != (3, 1) or len(angles) != 1:
+            return T @ d
+        symbols = ca.vertcat(*ca.symvar(ca.vertcat(ca.vec(T), d)))
+        slope = ca.jacobian(T, angles[0])
+        f = ca.Function("f", [symbols], [ca.densify(ca.reshape(slope, 3, 3) @ d), ca.densify(d)])
+        moved, size = (np.array(v) for v in f(np.random.default_rng(2).uniform(0.5, 1.5, symbols.numel())))
+        fixed = np.all(np.abs(moved) <= SAME * np.abs(size).max())
+        return (ca.substitute([T], [angles[0]], [ca.SX(0)])[0] if fixed else T) @ d
+
 
 def _factor(
     column: ca.SX, matrices: Sequence[ca.SX], others: Sequence[ca.SX], rng: np.random.Generator

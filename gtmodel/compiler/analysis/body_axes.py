@@ -341,8 +341,8 @@ class _Reading:
             new += ca.vertsplit(ca.densify(value))
         for matrix, order in sorted({(bodies.matrix_of[i], o) for i, o in pairs if i in bodies.matrix_of}):
             symbols = ca.vertcat(*[symbol(i, order) for i in matrix])
-            along = _along(column, symbols) if order else None
-            if along is not None:  # R^(m) d in one: R d first
+            along = _along(column, symbols)
+            if along is not None:  # R^(m) d: R d in the axes of the body first
                 column = ca.substitute([column], [symbols], [ca.SX.zeros(9, 1)])[0]
                 column = column + self._rotated(matrix, order, body, along)
             else:
@@ -365,7 +365,7 @@ class _Reading:
         of, C = self._bodies.of(matrix)
         if order and (matrix not in self._turning or order > 2):
             return self._bodies.symbols(body).T @ (self._bodies.symbols(matrix, order) @ d)
-        arm = self._bodies.between(body, of) @ (C @ d)
+        arm = self._bodies.direction(body, of, C @ d)
         if not order:
             return arm
         w = self._bodies.rates[matrix]

@@ -61,10 +61,12 @@ def solve_linear(
     for (i, j, value), point in zip(filled, points, strict=True):
         entry = entry_of(value if values is None else values.shared(value, point, point), point, signs)
         entries += [] if entry.value.is_zero() else [(i, j, entry)]
-    chosen = Elimination(entries, rhs, signs, Constants(held, own), values)
+    # for a few unknowns of a core their columns cost less than inertias of composite bodies
+    ranks = {i: r for i, r in (own or {}).items() if len(held) > SMALL_CORE or r[0] < 0}
+    chosen = Elimination(entries, rhs, signs, Constants(held, ranks), values)
     pairs = chosen.definite_pairs()
     core = {*held, *[j for j, inside in chosen.columns.items() if inside]}
-    start = _start(chosen, entries, rhs, core) if own else None
+    start = None if own is None else _start(chosen, entries, rhs, core)
     if start is not None:
         rhs = start.rest
         chosen.with_right(rhs)
