@@ -101,9 +101,11 @@ class BodyAxes:
             result.append(
                 replace(b, assignments=assignments, margins=[replace(m, expression=e) for m, e in margins], core=core)
             )
+        computed = {s.element_hash() for b in result for s, _ in b.assignments}
         back = [
             (s, v)
             for t, of, mine in zip(self.turned, outer, inner, strict=True)
+            if all(s.element_hash() in computed for s in mine)
             for s, v in zip(of, ca.vertsplit(t.R @ ca.vertcat(*mine) + t.fall), strict=True)
         ]
         names = [s.name() for s, _ in back]

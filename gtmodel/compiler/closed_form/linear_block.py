@@ -13,6 +13,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import casadi as ca
+import numpy as np
 
 from ..blocks import DenseCore, Margin, SignAnalysis
 from ..graph import strong_components
@@ -22,6 +23,8 @@ from .sparse import SMALL_CORE, Constants, Elimination, Entry, Mixed, Step, Valu
 
 # largest number of unknowns of a full symmetric core that is tried where its pivots can be taken among the others
 LARGE_CORE = 30
+# number of random points, and the largest value of their symbols, which is no angle near a quarter turn
+GENERAL_POINTS, GENERAL = 4, 2.0
 # operations whose values at some points tell whether two expressions are equal
 ANALYTIC = frozenset(
     getattr(ca, f"OP_{name}")
@@ -47,18 +50,21 @@ def solve_linear(
 
     held: positions of unknowns that are eliminated last, as the accelerations of states, which make a symmetric core.
     own: for equations of bodies in their axes, by row: see `Constants`; then the right-hand side of a core is found by
-    solving the others with zeros in place of its unknowns. shared: the Jacobian depends only on symbols with general
-    values at the consistent points.
+    solving the others with zeros in place of its unknowns. shared: the Jacobian depends only on symbols that are
+    known or states, so that equal entries can be found.
     Returns assignments in order of computation, pivot margins of the core, a description, and the core if it has four
     or more unknowns and is solved apart from the rest.
     """
     at_zero = ca.substitute(stacked(residuals), stacked(unknowns), ca.SX.zeros(len(unknowns), 1))
     rhs = [-at_zero[i] for i in range(len(residuals))]
     filled = [(i, j, value) for i, j, value in triplets(jacobian) if not value.is_zero()]
-    points = signs.values([value for *_, value in filled]).T.tolist()
-    values = Values() if shared and signs.count > 1 and _is_analytic(jacobian) else None
+    matrix = [value for *_, value in filled]
+    points = signs.values(matrix)
+    values = Values(signs.count) if shared and _is_analytic(jacobian) else None
+    if values is not None:
+        points = np.vstack([points, _at_general_points(matrix)])
     entries: list[tuple[int, int, Entry]] = []
-    for (i, j, value), point in zip(filled, points, strict=True):
+    for (i, j, value), point in zip(filled, points.T.tolist(), strict=True):
         entry = entry_of(value if values is None else values.shared(value, point, point), point, signs)
         entries += [] if entry.value.is_zero() else [(i, j, entry)]
     # for a few unknowns of a core their columns cost less than inertias of composite bodies
@@ -81,6 +87,15 @@ def solve_linear(
 
 def _is_analytic(expression: ca.SX) -> bool:
     return all(i.op in ANALYTIC for i in of_expression(stacked(nonzeros(expression)))[0])
+
+
+def _at_general_points(expressions: list[ca.SX]) -> np.ndarray:
+    """Return the values (points, expressions) at random numbers for the symbols."""
+    column = stacked(expressions)
+    symbols = stacked(ca.symvar(column))
+    f = ca.Function("general", [symbols], [ca.densify(column)])
+    draws = np.random.default_rng(0).uniform(-GENERAL, GENERAL, (GENERAL_POINTS, symbols.numel()))
+    return np.array([np.asarray(f(x)).ravel() for x in draws])
 
 
 class _Start(NamedTuple):

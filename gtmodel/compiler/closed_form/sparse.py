@@ -14,7 +14,7 @@ from ..matrices import difference, product, quotient
 
 # relative difference of constants below which it is round-off of zero: entries are short decimals, seldom 1e-12
 CANCELLED = 1e-13
-# relative difference of values at consistent points up to which expressions are equal
+# relative difference of values at general points up to which expressions are equal
 SHARED = 1e-12
 # threshold pivoting: a pivot with a smaller ratio to the largest entry of its column would cost more than three digits
 MIN_PIVOT_RATIO = 1e-3
@@ -25,7 +25,8 @@ HELD_COST = 1e6
 
 
 class Entry(NamedTuple):
-    """A matrix entry, its kind as pivot, its values at the consistent points, and their typical size."""
+    """A matrix entry, its kind as pivot, its values at the consistent points, then at general ones, and the typical size
+    of the former."""
 
     value: ca.SX
     kind: str | None
@@ -34,9 +35,10 @@ class Entry(NamedTuple):
 
 
 def entry_of(value: ca.SX, points: list[float], signs: SignAnalysis) -> Entry:
-    ordered = sorted(map(abs, points))
+    at_points = points[: signs.count]
+    ordered = sorted(map(abs, at_points))
     size = (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]) / 2
-    return Entry(value, signs.kind(value), points, size if all(map(math.isfinite, points)) else math.nan)
+    return Entry(value, signs.kind(value), points, size if all(map(math.isfinite, at_points)) else math.nan)
 
 
 class Constants:
@@ -91,7 +93,7 @@ class Mixed(Constants):
             return math.inf
         k = self._place[i]
         final = self._rest[:, k, k]
-        if not np.all(np.abs(np.array(entry.points) - final) <= EQUAL * np.abs(final)):
+        if not np.all(np.abs(np.array(entry.points[: len(final)]) - final) <= EQUAL * np.abs(final)):
             return math.inf
         return pivot_cost("constant", fill, entry.size, largest)
 
@@ -113,27 +115,29 @@ class Step(NamedTuple):
 
 
 class Values:
-    """Expressions by their values at the consistent points.
+    """Expressions by their values at general points, which follow those at the consistent points in an entry's list.
 
-    Analytic functions of symbols that take general values there are equal if they are equal at all points: constant,
-    zero, or an expression that exists. So symmetric entries are computed once, and products of rotation matrices with
-    their transposes vanish.
+    Analytic functions of free symbols are equal if they are equal at some random points: constant, zero, or an
+    expression that exists. So symmetric entries are computed once, and products of rotation matrices with their
+    transposes vanish. Consistent points do not show this: they lie near home, where powers of small angles vanish.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, first: int) -> None:
+        """first: number of consistent points."""
+        self._first = first
         self._known: dict[tuple[str, ...], tuple[ca.SX, list[float]]] = {}
 
     def shared(self, value: ca.SX, points: list[float], size: list[float]) -> ca.SX:
-        """Return the expression for these values at the points; size: of the larger term of a sum, for its zero."""
+        """Return the expression for these values; size: the values of the larger term of a sum, to recognise zero."""
         if value.is_constant():
             return value
+        points, size = points[self._first :], size[self._first :]
         if all(abs(x) <= CANCELLED * abs(s) for x, s in zip(points, size, strict=True)):
             return ca.SX(0)
         if all(abs(x - points[0]) <= CANCELLED * abs(points[0]) for x in points):
             return ca.SX(points[0])
         sign = 1.0 if points[0] > 0 else -1.0
-        key = tuple(f"{sign * x:.9e}" for x in points)
-        known, of_known = self._known.setdefault(key, (value, points))
+        known, of_known = self._known.setdefault(tuple(f"{sign * x:.9e}" for x in points), (value, points))
         turned = 1.0 if (of_known[0] > 0) == (points[0] > 0) else -1.0
         if known is value or any(abs(x - turned * y) > SHARED * abs(x) for x, y in zip(points, of_known, strict=True)):
             return value
@@ -240,7 +244,7 @@ class Elimination:
     def numbers(self, rows: Sequence[int], columns: Sequence[int]) -> np.ndarray:
         """Return the remaining matrix at the consistent points (points, rows, columns)."""
         zero = [0.0] * self._signs.count
-        entries = [[self.rows[i][j].points if j in self.rows[i] else zero for j in columns] for i in rows]
+        entries = [[self.rows[i][j].points[: len(zero)] if j in self.rows[i] else zero for j in columns] for i in rows]
         return np.moveaxis(np.array(entries), -1, 0)
 
     def definite_pairs(self) -> dict[int, int] | None:
