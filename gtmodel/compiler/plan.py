@@ -201,7 +201,7 @@ def _unsettled(
             inner = order.read(flat, _replaced(folded, axes.residuals), axes)
             turned = [] if inner is None else solved(inner, axes)
             if inner is not None and axes.suit(inner.components, turned):
-                blocks = axes.in_world(turned)
+                blocks = axes.in_world(turned, order.wanted)
     if blocks is None:
         blocks = solved(order)
     chain = None
@@ -358,7 +358,7 @@ class _Order:
             return None
         unknown_of = {n: columns[k] for n, k in zip(nodes, match, strict=True)}
         solver = {p: n for n, p in unknown_of.items()}
-        roots = [solver[p] for p in dict.fromkeys([*self.wanted, *axes.rotations]) if p in solver]
+        roots = [solver[p] for p in dict.fromkeys([*self.wanted, *axes.rotations(self.wanted)]) if p in solver]
         used = _users(flat, residuals, unknown_of, solver)
         needed = {n for c in _reached(roots, solver, used) for n in c}
         block_of = {self.unknown_of[n]: k for k, c in enumerate(self.components) for n in c}
@@ -369,6 +369,9 @@ class _Order:
                 tied[n].append(unknown_of[after])
         components = _reached(roots, solver, tied)
         if any(len({block_of.get(unknown_of[n]) for n in c}) > 1 for c in components):
+            return None
+        given = {p for c in self.components for n in c for p in self.used[n] if p not in self.solver}
+        if not given.issuperset(p for c in components for n in c for p in used[n] if p not in solver):
             return None
         return _Order(self.states, self.wanted, solver, unknown_of, roots, used, components)
 

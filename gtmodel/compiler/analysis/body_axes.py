@@ -64,10 +64,13 @@ class BodyAxes:
     own: dict[Node, Own]
     forces: frozenset[Node]
 
-    @property
-    def rotations(self) -> list[Pair]:
-        """The entries of the rotation matrices by which vectors turn back."""
-        owners = [self.flat.scope.owner(s) for t in self.turned for s in ca.symvar(t.R)]
+    def among(self, wanted: Collection[Pair]) -> list[Turned]:
+        """Return the turned vectors that have one of these symbols."""
+        return [t for t in self.turned if not set(wanted).isdisjoint(t.pairs)]
+
+    def rotations(self, wanted: Collection[Pair]) -> list[Pair]:
+        """Return the entries of rotation matrices by which these symbols turn back."""
+        owners = [self.flat.scope.owner(s) for t in self.among(wanted) for s in ca.symvar(t.R)]
         return list(dict.fromkeys(pair for pair in owners if pair is not None))
 
     def suit(self, components: Sequence[Sequence[Node]], blocks: Sequence[SolvedBlock]) -> bool:
@@ -79,12 +82,12 @@ class BodyAxes:
             for c, b in turned
         )
 
-    def in_world(self, blocks: Sequence[SolvedBlock]) -> list[SolvedBlock]:
-        """Return blocks solved from these residuals, and one that turns their unknowns to the world's axes."""
+    def in_world(self, blocks: Sequence[SolvedBlock], wanted: Collection[Pair]) -> list[SolvedBlock]:
+        """Return blocks solved from these residuals, and one that turns the wanted unknowns to the world's axes."""
         symbol = self.flat.scope.symbol
-        outer = [[symbol(*p) for p in t.pairs] for t in self.turned]
-        inner = [[ca.SX.sym(f"{s.name()} in body axes") for s in each] for each in outer]
-        old, new = (stacked([s for each in of for s in each]) for of in (outer, inner))
+        outer = [symbol(*p) for t in self.turned for p in t.pairs]
+        inner = [ca.SX.sym(f"{s.name()} in body axes") for s in outer]
+        old, new = stacked(outer), stacked(inner)
 
         def renamed(expressions: Sequence[ca.SX]) -> list[ca.SX]:
             return ca.substitute(list(expressions), [old], [new]) if expressions else []
@@ -101,13 +104,14 @@ class BodyAxes:
             result.append(
                 replace(b, assignments=assignments, margins=[replace(m, expression=e) for m, e in margins], core=core)
             )
-        computed = {s.element_hash() for b in result for s, _ in b.assignments}
-        back = [
-            (s, v)
-            for t, of, mine in zip(self.turned, outer, inner, strict=True)
-            if all(s.element_hash() in computed for s in mine)
-            for s, v in zip(of, ca.vertsplit(t.R @ ca.vertcat(*mine) + t.fall), strict=True)
-        ]
+        of_outer = {s.element_hash(): i for s, i in zip(outer, inner, strict=True)}
+        back: list[tuple[ca.SX, ca.SX]] = []
+        for t in self.among(wanted):
+            of = [symbol(*p) for p in t.pairs]
+            mine = ca.vertcat(*[of_outer[s.element_hash()] for s in of])
+            back += zip(of, ca.vertsplit(t.R @ mine + t.fall), strict=True)
+        if not back:
+            return result
         names = [s.name() for s, _ in back]
         return [*result, SolvedBlock("explicit", names, [], back, detail="turned from the axes of bodies")]
 

@@ -25,8 +25,8 @@ HELD_COST = 1e6
 
 
 class Entry(NamedTuple):
-    """A matrix entry, its kind as pivot, its values at the consistent points, then at general ones, and the typical size
-    of the former."""
+    """A matrix entry, its kind as pivot, its values at the consistent points and then at general ones, and the typical
+    size of the former."""
 
     value: ca.SX
     kind: str | None
