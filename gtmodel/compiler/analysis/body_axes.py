@@ -143,7 +143,9 @@ def in_body_axes(
     axes: dict[Timed, Matrix] = {}
     for triple, vector in bodies.vectors.items():
         body = bodies.axes_of(triple)
-        for order in range(HIGHEST) if body is not None else ():
+        if body is None:
+            continue
+        for order in range(HIGHEST):
             pairs = [(i, order) for i in triple]
             moving = vector.through or order or flat.variables[triple[0]].unit == "rad/s"
             moving = moving and all((i, 0) in sampler.position for i in body)
