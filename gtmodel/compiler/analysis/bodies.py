@@ -40,7 +40,7 @@ class Vector:
     matrices: set[Matrix] = field(default_factory=set)
 
 
-class Bodies:
+class BodyTree:
     """Rotation matrices and vectors of connectors by kept indices; matrices that joints connect belong to bodies.
 
     A body is a set of matrices with constant rotations between them, represented by the one that most equations use.

@@ -24,8 +24,8 @@ from ..flat import FlatModel
 from ..graph import largest_matching
 from ..matrices import stacked
 from ..structure import EquationStructure
-from .angular_rates import SAME as SAME_RATE
-from .bodies import SAME, Bodies, Matrix, Triple
+from .angular_rates import SAME as SAME_RATE, TURNING
+from .bodies import SAME, BodyTree, Matrix, Triple
 
 Pair = tuple[int, int]
 Node = tuple[int, int]  # equation, derivative
@@ -127,7 +127,7 @@ def in_body_axes(
     """
     if flat.loops.closings or not flat.rotations:
         return None
-    bodies = Bodies(flat, alias)
+    bodies = BodyTree(flat, alias)
     if not bodies:
         return None
     rows = _rows_of(flat, structure, bodies)
@@ -151,6 +151,8 @@ def in_body_axes(
             moving = moving and all((i, 0) in sampler.position for i in body)
             if moving and all(p in unknown and p in sampler.position and p not in other for p in pairs):
                 axes[triple, order] = body
+    if not axes:
+        return None
     groups = list(dict.fromkeys(group_of.values()))
     reading = _Reading(flat, bodies, axes, rows.gravity, sampler, samples)
     falling = reading.unchanged_in_fall(derivatives, groups, inside)
@@ -200,7 +202,7 @@ class _Rows(NamedTuple):
     gravity: tuple[int, ...]
 
 
-def _rows_of(flat: FlatModel, structure: EquationStructure, bodies: Bodies) -> _Rows:
+def _rows_of(flat: FlatModel, structure: EquationStructure, bodies: BodyTree) -> _Rows:
     """Find equations that turn with the axes by turning all vectors at random numbers."""
     residuals = [e.residual for e in structure.equations]
     inside = flat.scope.symbols_in_each(residuals)
@@ -272,7 +274,7 @@ class _Reading:
     """Reads equations in the axes of bodies; `axes`: the vectors that are written in those of a body."""
 
     def __init__(
-        self, flat: FlatModel, bodies: Bodies, axes: dict[Timed, Matrix], gravity: tuple[int, ...], sampler: Sampler,
+        self, flat: FlatModel, bodies: BodyTree, axes: dict[Timed, Matrix], gravity: tuple[int, ...], sampler: Sampler,
         samples: np.ndarray,
     ) -> None:  # fmt: skip
         self._flat, self._bodies, self._axes, self._gravity = flat, bodies, axes, list(gravity)
@@ -287,7 +289,8 @@ class _Reading:
             return False
         rate, R, turn = np.split(samples[:, [position[p] for p in pairs]], [9, 18], axis=1)
         expected = np.cross(turn[:, :, None], R.reshape(-1, 3, 3), axis=1).reshape(rate.shape)
-        return bool(np.all(np.abs(rate - expected) <= SAME_RATE * max(1.0, np.abs(rate).max())))
+        largest = np.abs(rate).max()
+        return bool(largest > TURNING and np.all(np.abs(rate - expected) <= SAME_RATE * largest))
 
     def _falls(self, vector: Timed) -> bool:
         """Return whether a vector is the acceleration of a point."""

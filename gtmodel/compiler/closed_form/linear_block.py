@@ -19,7 +19,7 @@ from ..blocks import DenseCore, Margin, SignAnalysis
 from ..graph import strong_components
 from ..matrices import difference, nonzeros, product, quotient, stacked, triplets
 from ..rewriting import of_expression
-from .sparse import SMALL_CORE, Constants, Elimination, Entry, Mixed, Step, Values, entry_of
+from .sparse import SMALL_CORE, Constants, Elimination, Entry, Mixed, SolvedRow, Values, entry_of
 
 # largest number of unknowns of a full symmetric core that is tried where its pivots can be taken among the others
 LARGE_CORE = 30
@@ -106,7 +106,7 @@ class _Start(NamedTuple):
 
     core: set[int]
     rest: list[ca.SX]
-    steps: list[Step]
+    steps: list[SolvedRow]
 
 
 def _start(
@@ -121,7 +121,7 @@ def _start(
     if any(len(c) > 1 or c[0] not in original[row_of[c[0]]] for c in order):
         return None
     values: dict[int, ca.SX] = {}
-    steps: list[Step] = []
+    steps: list[SolvedRow] = []
 
     def rest(i: int) -> ca.SX:
         value = rhs[i]
@@ -135,7 +135,7 @@ def _start(
         row = dict(original[i])
         pivot = row.pop(j)
         values[j] = quotient(rest(i), pivot)
-        steps.append(Step(j, row, pivot, rhs[i]))
+        steps.append(SolvedRow(j, row, pivot, rhs[i]))
     solved = set(row_of.values())
     return _Start(core, [ca.SX(0) if i in solved else rest(i) for i in range(len(rhs))], steps)
 
@@ -164,7 +164,7 @@ def _solution(
     return [*first, *_backwards(start.steps[::-1], unknowns)], done, detail, core
 
 
-def _backwards(steps: Sequence[Step], unknowns: Sequence[ca.SX]) -> Assignments:
+def _backwards(steps: Sequence[SolvedRow], unknowns: Sequence[ca.SX]) -> Assignments:
     """Return the unknowns of the steps, from the last one."""
     result: Assignments = []
     for j, row, pivot, value in reversed(steps):

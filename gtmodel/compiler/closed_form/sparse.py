@@ -105,7 +105,7 @@ class Mixed(Constants):
         return self._pairs
 
 
-class Step(NamedTuple):
+class SolvedRow(NamedTuple):
     """An equation solved for an unknown: the other entries of its row, the pivot, and the right-hand side."""
 
     column: int
@@ -158,7 +158,7 @@ class Elimination:
             self.rows[i][j] = entry
             self.columns.setdefault(j, set()).add(i)
         self.rhs, self._signs, self.rule, self._values = list(rhs), signs, rule, values
-        self.steps: list[Step] = []
+        self.steps: list[SolvedRow] = []
         self.pivots: dict[int, int] = {}
         self._factors: list[tuple[int, int, ca.SX]] = []
         self.varying: dict[int, ca.SX] = {}
@@ -228,7 +228,7 @@ class Elimination:
                     self.columns[k].remove(n)
         for k in row:
             self._largest[k] = self._largest_of(k)
-        self.steps.append(Step(j, {k: e.value for k, e in row.items()}, pivot.value, self.rhs[i]))
+        self.steps.append(SolvedRow(j, {k: e.value for k, e in row.items()}, pivot.value, self.rhs[i]))
         if pivot.kind is None:
             self.varying[j] = pivot.value
         changed = {n for k in row for n in self.columns[k]}.union(others, self.rule.taken(i, j))
