@@ -59,7 +59,6 @@ class BodyTree:
         self.rates: dict[Matrix, Triple] = {}
         self.vectors = self._vectors()
         self.vector_of = cast("dict[int, Triple]", unique(self.vectors))
-        self.joints: set[int] = set()
         parents = self._parents()
         self._body: dict[Matrix, tuple[Matrix, ca.SX]] = {}
         self._before: dict[Matrix, tuple[Matrix, ca.SX]] = {}
@@ -71,7 +70,7 @@ class BodyTree:
         return bool(self._before)
 
     def _vectors(self) -> dict[Triple, Vector]:
-        found: dict[Triple, Vector] = {}
+        vectors: dict[Triple, Vector] = {}
         for name, (shape, indices) in sorted(self.flat.groups.items()):
             variable = self.flat.variables[indices[0]] if shape == (3,) else None
             if variable is None or variable.role not in ("potential", "flow"):
@@ -81,15 +80,15 @@ class BodyTree:
             if order or any((s, o) != (sign, order) for s, _, o in entries):
                 continue
             triple = cast("Triple", tuple(kept for _, kept, _ in entries))
-            vector = found.setdefault(triple, Vector(variable.role == "flow"))
+            vector = vectors.setdefault(triple, Vector(variable.role == "flow"))
             connector, dot, last = name.rpartition(".")
             matrix = self.named.get(f"{connector}{dot}R")
             if matrix is not None:
                 vector.matrices.add(matrix)
                 if last == "w" and variable.unit == "rad/s" and sign > 0:
                     self.rates[matrix] = triple
-        alone = unique(found)
-        return {t: v for t, v in found.items() if t[0] in alone}
+        alone = unique(vectors)
+        return {t: v for t, v in vectors.items() if t[0] in alone}
 
     def _parents(self) -> dict[Matrix, tuple[Matrix, ca.SX, bool]]:
         """Return for each matrix R = R_before A the one before, A, and whether A is constant, from nine equations."""
@@ -110,11 +109,10 @@ class BodyTree:
                 continue
             rest = [scope.symbol(i, 0) for i, _ in pairs if i not in raw]
             of_names = [ca.vertcat(*[scope.symbol(i, 0) for i in flat.groups[n][1]]) for n in names]
-            found = _factor(column, of_names, [ca.vertcat(ca.SX(0, 1), *rest), flat.p, scope.time], rng)
-            if found is None:
+            factor = _factor(column, of_names, [ca.vertcat(ca.SX(0, 1), *rest), flat.p, scope.time], rng)
+            if factor is None:
                 continue
-            child, A = found
-            self.joints |= set(numbers)
+            child, A = factor
             matrix, before = self.named[names[child]], self.named[names[1 - child]]
             if matrix != before and matrix not in parents:
                 parents[matrix] = before, self._alias.rewrite(flat, A), not rest
