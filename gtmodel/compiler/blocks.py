@@ -77,11 +77,15 @@ class NewtonBlock:
 
 @dataclass(frozen=True, eq=False)
 class DenseCore:
-    """matrix @ unknowns == right: the part of a linear block without allowed pivots, of four or more unknowns."""
+    """matrix @ unknowns == right: the part of a linear block without allowed pivots, of four or more unknowns.
+
+    definite: whether the matrix is symmetric and positive definite.
+    """
 
     unknowns: list[ca.SX]
     matrix: ca.SX
     right: ca.SX
+    definite: bool
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from .._pickling import Portable
 from ..lang.source import ModelError
 from .alias import AliasResult, eliminate
 from .analysis.angular_rates import by_angular_rates
+from .analysis.body_axes import BodyAxes, in_body_axes
 from .blocks import Margin, NewtonBlock, SignAnalysis, SolvedBlock, median
 from .branch import RootSigns, check_branches, follow, open_loops, settle, sides
 from .consistency.home import Moved, home_of, moved, starts_of
@@ -175,18 +176,34 @@ def _unsettled(
         posed = replace(posed, derivatives=_replaced(posed.derivatives, turns))
         folded = posed.derivatives if fold is None else _replaced(folded, turns)
     order = _ordered(posed, stages, folded, rates)
-    signs = SignAnalysis(flat, sampler, samples)
+    pose = posed.pose is not None
 
-    def solved(order: _Order) -> list[SolvedBlock]:
-        pose = posed.pose is not None
+    def solved(order: _Order, axes: BodyAxes | None = None) -> list[SolvedBlock]:
         turns = not order.states and at is None  # a simulated angle may make further turns
         of, states = order.unknown_of, set(order.states)
+        residuals, points, own = (folded, samples, None) if axes is None else (
+            _replaced(folded, axes.residuals), axes.samples, axes.own
+        )  # fmt: skip
+        signs = SignAnalysis(flat, sampler, points)
         return [
-            solve_block(flat, posed.structure, folded, c, of, signs, order.uses(flat, c), pose, turns, states)
+            solve_block(flat, posed.structure, residuals, c, of, signs, order.uses(flat, c), pose, turns, states, own)
             for c in order.components
         ]
 
-    blocks = solved(order)
+    blocks = None
+    if fold is not None and fold.is_constant() and at is None and not pose:
+        axes = in_body_axes(
+            flat, posed.alias, posed.structure, posed.derivatives, order.unknown_of, turns, sampler, samples
+        )
+        if axes is not None:
+            values = folded_into(flat, [list(axes.residuals.values())], fold)[0]
+            axes = replace(axes, residuals=dict(zip(axes.residuals, values, strict=True)))
+            inner = order.read(flat, _replaced(folded, axes.residuals), axes)
+            turned = [] if inner is None else solved(inner, axes)
+            if inner is not None and axes.suit(inner.components, turned):
+                blocks = axes.in_world(turned, order.wanted)
+    if blocks is None:
+        blocks = solved(order)
     chain = None
     if chains and any(b.newton for b in blocks) and at is None:
 
@@ -325,6 +342,38 @@ class _Order:
         roots = [solver[p] for p in self.wanted if p in solver]
         used = _users(posed.flat, folded, unknown_of, solver)
         return _Order(self.states, self.wanted, solver, unknown_of, roots, used, _reached(roots, solver, used))
+
+    def read(self, flat: FlatModel, residuals: list[list[ca.SX]], axes: BodyAxes) -> _Order | None:
+        """Return the order for equations in the axes of bodies; None if that joins what is solved apart here.
+
+        What one block solves here it solves there too: a core keeps the equations that make it symmetric.
+        """
+        nodes, columns = list(self.unknown_of), list(self.solver)
+        place = {p: k for k, p in enumerate(columns)}
+        inside = flat.scope.symbols_in_each([residuals[i][m] for i, m in nodes])
+        options = [[place[p] for p in pairs if p in place] for pairs in inside]
+        begin = [place[p] if place[p] in of else -1 for p, of in zip(self.unknown_of.values(), options, strict=True)]
+        match = largest_matching(options, len(columns), begin)
+        if -1 in match:
+            return None
+        unknown_of = {n: columns[k] for n, k in zip(nodes, match, strict=True)}
+        solver = {p: n for n, p in unknown_of.items()}
+        roots = [solver[p] for p in dict.fromkeys([*self.wanted, *axes.rotations(self.wanted)]) if p in solver]
+        used = _users(flat, residuals, unknown_of, solver)
+        needed = {n for c in _reached(roots, solver, used) for n in c}
+        block_of = {self.unknown_of[n]: k for k, c in enumerate(self.components) for n in c}
+        tied = {n: list(pairs) for n, pairs in used.items()}
+        for c in self.components:
+            ring = [n for n in (solver[self.unknown_of[n]] for n in c) if n in needed]
+            for n, after in zip(ring, [*ring[1:], *ring[:1]], strict=True) if len(ring) > 1 else ():
+                tied[n].append(unknown_of[after])
+        components = _reached(roots, solver, tied)
+        if any(len({block_of.get(unknown_of[n]) for n in c}) > 1 for c in components):
+            return None
+        given = {p for c in self.components for n in c for p in self.used[n] if p not in self.solver}
+        if not given.issuperset(p for c in components for n in c for p in used[n] if p not in solver):
+            return None
+        return _Order(self.states, self.wanted, solver, unknown_of, roots, used, components)
 
     def reached(self, used: dict[Pair, list[Pair]]) -> list[list[Pair]]:
         """Return the blocks of nodes that the targets need, in order."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import casadi as ca
 import numpy as np
 
+from .analysis.body_axes import Own
 from .blocks import NewtonBlock, SignAnalysis, SolvedBlock
 from .closed_form.linear_block import solve_linear
 from .closed_form.quadric import NoClosedForm, eliminate_explicit, solve_angle, solve_nonlinear
@@ -31,11 +32,13 @@ def solve_block(
     pose: bool = False,
     turns: bool = False,
     states: Collection[Pair] = (),
+    own: Mapping[Pair, Own] | None = None,
 ) -> SolvedBlock:
     """Solve the block of these nodes (equation, derivative) for their unknowns.
 
     uses: see `SolvedBlock`. pose: a rotation is known, and the block may contain a chain of joints. turns: an angle may
-    be limited to one turn about its start. states: the chain symbols that are states.
+    be limited to one turn about its start. states: the chain symbols that are states. own: for equations in the axes of
+    bodies, see `BodyAxes`.
     """
     order = sorted(nodes, key=lambda n: unknown_of[n])  # canonical: by declaration of the unknowns
     rows = sorted(nodes)
@@ -50,7 +53,16 @@ def solve_block(
     linear = jacobian.is_constant() or not any(s.element_hash() in keys for s in ca.symvar(jacobian))
     if not kinked and linear:
         held = [k for k, (i, m) in enumerate(unknown_of[n] for n in order) if (i, m - 1) in states]
-        assignments, margins, detail, core = solve_linear(residuals, unknowns, jacobian, signs, label, held)
+        ranks, shared = None, False
+        if own is not None:
+            place = {unknown_of[n]: k for k, n in enumerate(order)}
+            mine = ((k, own[n]) for k, n in enumerate(rows) if n in own)
+            ranks = {k: (-1 if o.pair is None else place.get(o.pair, -1), o.rank) for k, o in mine}
+            solved = set(unknown_of.values())
+            shared = solved.isdisjoint(flat.scope.symbols_in(jacobian))
+        assignments, margins, detail, core = solve_linear(
+            residuals, unknowns, jacobian, signs, label, held, ranks, shared
+        )
         kind = "explicit" if len(nodes) == 1 and not margins else "linear"
         return SolvedBlock(kind, names, equations, assignments, margins, [], detail, None, uses, (), core)
     if pose:

@@ -4,6 +4,7 @@ equations."""
 from __future__ import annotations
 
 import difflib
+import math
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -16,10 +17,13 @@ from ..lang.model import Model
 from ..lang.source import ModelError, SourceLocation
 from .flat import FlatEquation, FlatModel
 from .graph import alternating, highest_transversal, largest_matching, neighbours_of, reversed_matching
+from .matrices import stacked
 from .positions import is_position
+from .rewriting import applied, of_expression, walked
 from .trees import loop_of
 
 MAX_SHOWN = 12  # equations named in one message
+EPSILON = 2.0**-52
 
 
 @dataclass(frozen=True)
@@ -301,11 +305,54 @@ def _halved(e: ca.SX, known: dict[int, ca.SX | None], depth: int) -> ca.SX | Non
 
 
 def folded(flat: FlatModel, derivatives: list[list[ca.SX]], fold: ca.SX) -> list[list[ca.SX]]:
+    """Return derivatives with numbers (or symbols) in place of the parameters."""
     if not flat.parameters:
         return derivatives
-    everything = ca.substitute([e for chain in derivatives for e in chain], [flat.p], [fold])
-    flatten = iter(everything)
+    everything = [e for chain in derivatives for e in chain]
+    turns = _quarter_turns(flat, fold) if fold.is_constant() and not flat.scope.calls and everything else None
+    if turns is not None:
+        within = ca.which_depends(stacked(everything), turns, 1, True)
+        chosen = [k for k, inside in enumerate(within) if inside]
+        exact = _with_exact_turns(flat, stacked([everything[k] for k in chosen]), fold) if chosen else []
+        for k, e in zip(chosen, exact, strict=True):
+            everything[k] = e
+    flatten = iter(ca.substitute(everything, [flat.p], [fold]))
     return [[next(flatten) for _ in chain] for chain in derivatives]
+
+
+def _quarter_turns(flat: FlatModel, fold: ca.SX) -> ca.SX | None:
+    """Return the parameters that are angles of one or more quarter turns; None without any."""
+    values = zip(flat.parameters, np.array(ca.DM(fold)).ravel().tolist(), strict=True)
+    turns = [q.symbol for q, x in values if q.unit == "rad" and any(_vanishes(op, x) for op in (ca.OP_COS, ca.OP_SIN))]
+    return stacked(turns) if turns else None
+
+
+def _vanishes(op: int, x: float) -> bool:
+    """Return whether the cosine or sine of an angle that is not zero is round-off of zero."""
+    return x != 0.0 and abs(math.cos(x) if op == ca.OP_COS else math.sin(x)) <= EPSILON * abs(x)
+
+
+def _with_exact_turns(flat: FlatModel, column: ca.SX, fold: ca.SX) -> list[ca.SX]:
+    """Return the entries of a column with numbers for the parameters; cosine and sine of quarter turns are exact, where
+    those of the nearest double, such as 6e-17, are errors of the angle's last digit and would fill matrices."""
+    number = {s.element_hash(): fold[k] for k, s in enumerate(ca.vertsplit(flat.p))}
+    read, symbols = of_expression(column)
+    return walked(read, [number.get(s.element_hash(), s) for s in symbols], _ExactTurns())
+
+
+class _ExactTurns:
+    """The forms of instructions; the operands are numbers where the parameters are."""
+
+    def leaf(self, x: ca.SX) -> ca.SX:
+        return x
+
+    def operation(self, k: int, op: int, given: list[ca.SX]) -> ca.SX:
+        if op in (ca.OP_COS, ca.OP_SIN) and given[0].is_constant() and _vanishes(op, float(given[0])):
+            return ca.SX(0)
+        return given[0] if op == ca.OP_ASSIGN else applied(op, given)
+
+    def whole(self, form: ca.SX) -> ca.SX:
+        return form
 
 
 def condition_order(flat: FlatModel, conditions: Sequence[FlatEquation], pairs: Sequence[Pair]) -> int:

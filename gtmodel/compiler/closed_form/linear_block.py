@@ -9,26 +9,28 @@ is the recursion of articulated bodies, with operations linear in their number.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from ..blocks import EQUAL, DenseCore, Margin, SignAnalysis, pivot_cost
-from ..matrices import difference, product, quotient, stacked, triplets
+from ..blocks import DenseCore, Margin, SignAnalysis
+from ..graph import strong_components
+from ..matrices import difference, nonzeros, product, quotient, stacked, triplets
+from ..rewriting import of_expression
+from .sparse import SMALL_CORE, Constants, Elimination, Entry, Mixed, SolvedRow, Values, entry_of
 
-# relative difference of constants below which it is round-off of zero: entries are short decimals, seldom 1e-12
-CANCELLED = 1e-13
-# threshold pivoting: a pivot with a smaller ratio to the largest entry of its column would cost more than three digits
-MIN_PIVOT_RATIO = 1e-3
-# largest number of unknowns of a core that is solved with determinants
-SMALL_CORE = 3
 # largest number of unknowns of a full symmetric core that is tried where its pivots can be taken among the others
 LARGE_CORE = 30
-# cost of a pivot in a column that is held for the core
-HELD_COST = 1e6
+# number of random points, and the largest value of their symbols, which is no angle near a quarter turn
+GENERAL_POINTS, GENERAL = 4, 2.0
+# operations whose values at some points tell whether two expressions are equal
+ANALYTIC = frozenset(
+    getattr(ca, f"OP_{name}")
+    for name in ("INPUT", "OUTPUT", "CONST", "ASSIGN", "ADD", "SUB", "MUL", "DIV", "NEG", "TWICE", "SQ", "INV", "SQRT",
+                 "SIN", "COS")
+)  # fmt: skip
 
 Assignments = list[tuple[ca.SX, ca.SX]]
 Solution = tuple[Assignments, list[Margin], str, DenseCore | None]
@@ -41,276 +43,159 @@ def solve_linear(
     signs: SignAnalysis,
     label: str,
     held: Collection[int] = (),
+    own: Mapping[int, tuple[int, int]] | None = None,
+    shared: bool = False,
 ) -> Solution:
     """Solve residuals == 0, linear in the unknowns, with the Jacobian of the residuals.
 
     held: positions of unknowns that are eliminated last, as the accelerations of states, which make a symmetric core.
+    own: for equations of bodies in their axes, by row: see `Constants`; then the right-hand side of a core is found by
+    solving the others with zeros in place of its unknowns. shared: the Jacobian depends only on symbols that are
+    known or states, so that equal entries can be found.
     Returns assignments in order of computation, pivot margins of the core, a description, and the core if it has four
     or more unknowns and is solved apart from the rest.
     """
     at_zero = ca.substitute(stacked(residuals), stacked(unknowns), ca.SX.zeros(len(unknowns), 1))
     rhs = [-at_zero[i] for i in range(len(residuals))]
     filled = [(i, j, value) for i, j, value in triplets(jacobian) if not value.is_zero()]
-    points = signs.values([value for *_, value in filled]).T.tolist()
-    entries = [(i, j, _entry(value, point, signs)) for (i, j, value), point in zip(filled, points, strict=True)]
-    chosen = _Elimination(entries, rhs, signs, _Constants(held))
+    matrix = [value for *_, value in filled]
+    points = signs.values(matrix)
+    values = Values(signs.count) if shared and _is_analytic(jacobian) else None
+    if values is not None:
+        points = np.vstack([points, _at_general_points(matrix)])
+    entries: list[tuple[int, int, Entry]] = []
+    for (i, j, value), point in zip(filled, points.T.tolist(), strict=True):
+        entry = entry_of(value if values is None else values.shared(value, point, point), point, signs)
+        entries += [] if entry.value.is_zero() else [(i, j, entry)]
+    # for a few unknowns of a core their columns cost less than inertias of composite bodies
+    ranks = {i: r for i, r in (own or {}).items() if len(held) > SMALL_CORE or r[0] < 0}
+    chosen = Elimination(entries, rhs, signs, Constants(held, ranks), values)
     pairs = chosen.definite_pairs()
+    core = {*held, *[j for j, inside in chosen.columns.items() if inside]}
+    start = None if own is None else _start(chosen, entries, rhs, core)
+    if start is not None:
+        rhs = start.rest
+        chosen.with_right(rhs)
     if pairs is None:
-        return chosen.solution(None, unknowns, label)
-    mixed = _Elimination(entries, rhs, signs, _Mixed(chosen, pairs))
+        return _solution(chosen, None, unknowns, label, start)
+    mixed = Elimination(entries, rhs, signs, Mixed(chosen, pairs), values)
     kinds = [mixed] if not mixed.rows else []
     if not kinds or len(pairs) <= LARGE_CORE or 2 * sum(map(len, chosen.rows.values())) < len(pairs) ** 2:
         kinds.append(chosen)
-    return min([k.solution(pairs, unknowns, label) for k in kinds], key=_operations)
+    return min([_solution(k, pairs, unknowns, label, start) for k in kinds], key=_operations)
+
+
+def _is_analytic(expression: ca.SX) -> bool:
+    return all(i.op in ANALYTIC for i in of_expression(stacked(nonzeros(expression)))[0])
+
+
+def _at_general_points(expressions: list[ca.SX]) -> np.ndarray:
+    """Return the values (points, expressions) at random numbers for the symbols."""
+    column = stacked(expressions)
+    symbols = stacked(ca.symvar(column))
+    f = ca.Function("general", [symbols], [ca.densify(column)])
+    draws = np.random.default_rng(0).uniform(-GENERAL, GENERAL, (GENERAL_POINTS, symbols.numel()))
+    return np.array([np.asarray(f(x)).ravel() for x in draws])
+
+
+class _Start(NamedTuple):
+    """A solution of all equations but those of a core, with zeros in place of the unknowns of the core.
+
+    rest: the right-hand sides that remain for the differences from it; steps: each other unknown from those before it.
+    """
+
+    core: set[int]
+    rest: list[ca.SX]
+    steps: list[SolvedRow]
+
+
+def _start(
+    chosen: Elimination, entries: Sequence[tuple[int, int, Entry]], rhs: list[ca.SX], core: set[int]
+) -> _Start | None:
+    """Return the start; None if the pivots do not solve the other equations one after the other."""
+    row_of = {j: i for j, i in chosen.pivots.items() if j not in core}
+    original: list[dict[int, ca.SX]] = [{} for _ in rhs]
+    for i, j, entry in entries:
+        original[i][j] = entry.value
+    order = strong_components(sorted(row_of), lambda j: [k for k in original[row_of[j]] if k != j and k not in core])
+    if any(len(c) > 1 or c[0] not in original[row_of[c[0]]] for c in order):
+        return None
+    values: dict[int, ca.SX] = {}
+    steps: list[SolvedRow] = []
+
+    def rest(i: int) -> ca.SX:
+        value = rhs[i]
+        for k, a in original[i].items():
+            if k in values:
+                value = difference(value, product(a, values[k]))
+        return value
+
+    for (j,) in order:
+        i = row_of[j]
+        row = dict(original[i])
+        pivot = row.pop(j)
+        values[j] = quotient(rest(i), pivot)
+        steps.append(SolvedRow(j, row, pivot, rhs[i]))
+    solved = set(row_of.values())
+    return _Start(core, [ca.SX(0) if i in solved else rest(i) for i in range(len(rhs))], steps)
 
 
 def _operations(solution: Solution) -> int:
     return ca.n_nodes(ca.vertcat(*[value for _, value in solution[0]]))
 
 
-class _Entry(NamedTuple):
-    """A matrix entry, its kind as pivot, its values at the consistent points, and their typical size."""
-
-    value: ca.SX
-    kind: str | None
-    points: list[float]
-    size: float
-
-
-def _entry(value: ca.SX, points: list[float], signs: SignAnalysis) -> _Entry:
-    ordered = sorted(map(abs, points))
-    size = (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]) / 2
-    return _Entry(value, signs.kind(value), points, size if all(map(math.isfinite, points)) else math.nan)
-
-
-class _Constants:
-    """Costs of pivots among constants and parameters."""
-
-    def __init__(self, held: Collection[int] = ()) -> None:
-        self._held = frozenset(held)
-
-    def fill(self, row: int, column: int) -> int:
-        """Return the entries that a pivot may fill in, for the counts of its row and column."""
-        return (row - 1) * (column - 1)
-
-    def cost(self, i: int, j: int, entry: _Entry, fill: int, largest: float) -> float:
-        """Return the cost of entry (i, j), infinite if it is no allowed pivot or tiny relative to its column."""
-        if entry.kind is None or not entry.size >= MIN_PIVOT_RATIO * largest:
-            return math.inf
-        return pivot_cost(entry.kind, fill, entry.size, largest) + HELD_COST * (j in self._held)
-
-    def taken(self, i: int, j: int) -> Collection[int]:
-        """Take note of a pivot, and return further rows whose costs change."""
-        return ()
+def _solution(
+    of: Elimination, pairs: Mapping[int, int] | None, unknowns: list[ca.SX], label: str, start: _Start | None = None
+) -> Solution:
+    """Solve what remains, `pairs` if it is definite, and return the assignments of all unknowns."""
+    done = [Margin("pivot", pivot, f"{label} ({unknowns[j].name()})") for j, pivot in sorted(of.varying.items())]
+    core: DenseCore | None = None
+    first: Assignments = []
+    detail = f"{len(of.steps)} pivots eliminated"
+    if of.rows:
+        first, done, core = _core(of, pairs, unknowns, label)
+        detail += f", {'dense' if pairs is None else 'symmetric'} core of {len(of.rows)}"
+    elif of.varying:
+        detail += f", {len(of.varying)} of them state-dependent"
+    if start is None:
+        return [*first, *_backwards(of.steps, unknowns)], done, detail, core
+    shifted = [u if k in start.core else ca.SX.sym(f"{u.name()} from start") for k, u in enumerate(unknowns)]
+    first += _backwards(of.steps, shifted)
+    return [*first, *_backwards(start.steps[::-1], unknowns)], done, detail, core
 
 
-class _Mixed(_Constants):
-    """Costs with the diagonal of a definite core, `pairs` of row and column, among the pivots.
-
-    Such a pivot is allowed as soon as its entry equals the one that it has when all other equations are eliminated.
-    """
-
-    def __init__(self, core: _Elimination, pairs: Mapping[int, int]) -> None:
-        super().__init__()
-        self._pairs, self._columns = dict(pairs), set(pairs.values())
-        self._place = {i: k for k, i in enumerate(pairs)}
-        self._rest = core.numbers(list(pairs), list(pairs.values()))
-
-    def fill(self, row: int, column: int) -> int:
-        """Return the operations of a pivot; by fill-in alone the order would jump between bodies."""
-        return 2 * (row - 1) * (column - 1) + row + column
-
-    def cost(self, i: int, j: int, entry: _Entry, fill: int, largest: float) -> float:
-        if i not in self._pairs:
-            return math.inf if j in self._columns else super().cost(i, j, entry, fill, largest)
-        if self._pairs[i] != j:
-            return math.inf
-        k = self._place[i]
-        final = self._rest[:, k, k]
-        if not np.all(np.abs(np.array(entry.points) - final) <= EQUAL * np.abs(final)):
-            return math.inf
-        return pivot_cost("constant", fill, entry.size, largest)
-
-    def taken(self, i: int, j: int) -> Collection[int]:
-        if i not in self._pairs:
-            return ()
-        a, k = self._rest, self._place[i]
-        self._rest = a - a[:, :, k : k + 1] * a[:, k : k + 1, :] / a[:, k : k + 1, k : k + 1]
-        return self._pairs
+def _backwards(steps: Sequence[SolvedRow], unknowns: Sequence[ca.SX]) -> Assignments:
+    """Return the unknowns of the steps, from the last one."""
+    result: Assignments = []
+    for j, row, pivot, value in reversed(steps):
+        for k in sorted(row):
+            value = difference(value, product(row[k], unknowns[k]))
+        result.append((unknowns[j], quotient(value, pivot)))
+    return result
 
 
-Step = tuple[int, dict[int, ca.SX], ca.SX, ca.SX]
-
-
-class _Elimination:
-    """Gaussian elimination with the cheapest pivot; `rows` are left without one, `steps` hold the unknown, the other
-    entries of its row, the pivot and the right-hand side."""
-
-    def __init__(
-        self, entries: Sequence[tuple[int, int, _Entry]], rhs: list[ca.SX], signs: SignAnalysis, rule: _Constants
-    ) -> None:
-        self.rows: dict[int, dict[int, _Entry]] = {i: {} for i in range(len(rhs))}
-        self.columns: dict[int, set[int]] = {}
-        for i, j, entry in entries:
-            self.rows[i][j] = entry
-            self.columns.setdefault(j, set()).add(i)
-        self.rhs, self._signs, self._rule = list(rhs), signs, rule
-        self.steps: list[Step] = []
-        self._varying: dict[int, ca.SX] = {}
-        self._largest = {j: self._largest_of(j) for j in self.columns}
-        best: dict[int, tuple[float, int]] = {}
-        changed = set(self.rows)
-        while True:
-            for i in changed:
-                cheapest = self._cheapest(i)
-                if cheapest is None:
-                    best.pop(i, None)
-                else:
-                    best[i] = cheapest
-            if not best:
-                break
-            _, i, j = min((cost, i, j) for i, (cost, j) in best.items())
-            del best[i]
-            changed = self._eliminate(i, j)
-
-    def _largest_of(self, j: int) -> float:
-        largest = 0.0
-        for i in self.columns[j]:
-            size = self.rows[i][j].size
-            largest = size if size > largest else largest
-        return largest
-
-    def _cheapest(self, i: int) -> tuple[float, int] | None:
-        """Return the cost and the column of the cheapest pivot of a row; None if it has none."""
-        best, row = (math.inf, -1), self.rows[i]
-        for j in sorted(row):
-            fill = self._rule.fill(len(row), len(self.columns[j]))
-            if fill < best[0]:
-                cost = self._rule.cost(i, j, row[j], fill, self._largest[j])
-                best = min(best, (cost, j)) if cost < math.inf else best
-        return best if best[1] >= 0 else None
-
-    def _eliminate(self, i: int, j: int) -> set[int]:
-        """Eliminate unknown j with row i, and return the rows whose costs may have changed."""
-        row = self.rows.pop(i)
-        pivot = row.pop(j)
-        for k in row:
-            self.columns[k].remove(i)
-        others = sorted(self.columns.pop(j) - {i})
-        for n in others:
-            entries = self.rows[n]
-            head = entries.pop(j)
-            factor = quotient(head.value, pivot.value)
-            numbers = [a / b for a, b in zip(head.points, pivot.points, strict=True)]
-            self.rhs[n] = difference(self.rhs[n], product(factor, self.rhs[i]))
-            for k, entry in row.items():
-                old = entries.get(k)
-                if old is None:
-                    fresh = product(-factor, entry.value)
-                    points = [-f * e for f, e in zip(numbers, entry.points, strict=True)]
-                else:
-                    fresh = _difference(old.value, product(factor, entry.value))
-                    points = [o - f * e for o, f, e in zip(old.points, numbers, entry.points, strict=True)]
-                if not fresh.is_zero():
-                    entries[k] = _entry(fresh, points, self._signs)
-                    self.columns[k].add(n)
-                elif old is not None:
-                    del entries[k]
-                    self.columns[k].remove(n)
-        for k in row:
-            self._largest[k] = self._largest_of(k)
-        self.steps.append((j, {k: e.value for k, e in row.items()}, pivot.value, self.rhs[i]))
-        if pivot.kind is None:
-            self._varying[j] = pivot.value
-        changed = {n for k in row for n in self.columns[k]}.union(others, self._rule.taken(i, j))
-        return changed & self.rows.keys()
-
-    def numbers(self, rows: Sequence[int], columns: Sequence[int]) -> np.ndarray:
-        """Return the remaining matrix at the consistent points (points, rows, columns)."""
-        zero = [0.0] * self._signs.count
-        entries = [[self.rows[i][j].points if j in self.rows[i] else zero for j in columns] for i in rows]
-        return np.moveaxis(np.array(entries), -1, 0)
-
-    def definite_pairs(self) -> dict[int, int] | None:
-        """Return the rows of the core with their columns if it is symmetric and definite but for signs of the rows.
-
-        None for a small core, and if there is only one point: it may be symmetric there by chance.
-        """
-        rows, columns = list(self.rows), sorted(j for j, inside in self.columns.items() if inside)
-        n = len(rows)
-        if n <= SMALL_CORE or self._signs.count == 1 or len(columns) != n:
-            return None
-        a = self.numbers(rows, columns)
-        if not np.all(np.isfinite(a)):
-            return None
-        # the largest entry of what remains of a definite matrix is on its diagonal
-        rest, pairs = a[0].copy(), dict[int, int]()
-        for _ in range(n):
-            i, j = np.unravel_index(np.argmax(np.abs(rest)), rest.shape)
-            if rest[i, j] == 0.0:
-                return None
-            pairs[int(j)] = int(i)
-            rest -= np.outer(rest[:, j], rest[i] / rest[i, j])
-            rest[i], rest[:, j] = 0.0, 0.0
-        order = [pairs[j] for j in range(n)]
-        a = a[:, order]
-        a *= np.sign(np.diagonal(a[0]))[:, None]
-        size = np.sqrt(np.abs(np.diagonal(a, axis1=1, axis2=2)))
-        if np.any(np.abs(a - a.transpose(0, 2, 1)) > EQUAL * size[:, :, None] * size[:, None, :]):
-            return None
-        try:
-            np.linalg.cholesky(a)
-        except np.linalg.LinAlgError:
-            return None
-        return {rows[i]: columns[j] for j, i in enumerate(order)}
-
-    def solution(self, pairs: Mapping[int, int] | None, unknowns: list[ca.SX], label: str) -> Solution:
-        """Solve what remains, `pairs` if it is definite, and return the assignments of all unknowns."""
-        done = [Margin("pivot", pivot, f"{label} ({unknowns[j].name()})") for j, pivot in sorted(self._varying.items())]
-        core: DenseCore | None = None
-        first: Assignments = []
-        detail = f"{len(self.steps)} pivots eliminated"
-        if self.rows:
-            first, done, core = self._core(pairs, unknowns, label)
-            detail += f", {'dense' if pairs is None else 'symmetric'} core of {len(self.rows)}"
-        elif self._varying:
-            detail += f", {len(self._varying)} of them state-dependent"
-        for j, row, pivot, value in reversed(self.steps):
-            for k in sorted(row):
-                value = difference(value, product(row[k], unknowns[k]))
-            first.append((unknowns[j], quotient(value, pivot)))
-        return first, done, detail, core
-
-    def _core(
-        self, pairs: Mapping[int, int] | None, unknowns: list[ca.SX], label: str
-    ) -> tuple[Assignments, list[Margin], DenseCore | None]:
-        """Solve what remains by division, determinants, LDL^T or QR; their pivots show how near it is to singular."""
-        rows = sorted(self.rows) if pairs is None else list(pairs)
-        columns = sorted(self.columns)
-        n = len(rows)
-        if n == 1:
-            j, (pivot, *_) = next(iter(self.rows[rows[0]].items()))
-            return [(unknowns[j], self.rhs[rows[0]] / pivot)], [Margin("pivot", pivot, label)], None
-        a, b = ca.SX.zeros(n, n), ca.vertcat(*[self.rhs[i] for i in rows])
-        for r, i in enumerate(rows):
-            for c, j in enumerate(columns):
-                if j in self.rows[i]:
-                    a[r, c] = self.rows[i][j].value
-            if pairs is not None and self.rows[i][pairs[i]].points[0] < 0:
-                a[r, :], b[r] = -a[r, :], -b[r]
-        x, pivots = (_definite if pairs is not None else _determinants if n <= SMALL_CORE else _gram_schmidt)(a, b)
-        named = zip(columns, pivots, strict=True)
-        margins = [Margin("pivot", p, f"{label} ({unknowns[j].name()})") for j, p in named]
-        core = DenseCore([unknowns[j] for j in columns], a, b) if n > SMALL_CORE else None
-        return [(unknowns[j], x[c]) for c, j in enumerate(columns)], margins, core
-
-
-def _difference(a: ca.SX, b: ca.SX) -> ca.SX:
-    """Return a - b; exactly zero if two constants cancel up to round-off."""
-    new = difference(a, b)
-    if new.is_constant() and abs(float(new)) <= CANCELLED * abs(float(a)):
-        return ca.SX(0)
-    return new
+def _core(
+    of: Elimination, pairs: Mapping[int, int] | None, unknowns: list[ca.SX], label: str
+) -> tuple[Assignments, list[Margin], DenseCore | None]:
+    """Solve what remains by division, determinants, LDL^T or QR; their pivots show how near it is to singular."""
+    rows = sorted(of.rows) if pairs is None else list(pairs)
+    columns = sorted(of.columns)
+    n = len(rows)
+    if n == 1:
+        j, (pivot, *_) = next(iter(of.rows[rows[0]].items()))
+        return [(unknowns[j], of.rhs[rows[0]] / pivot)], [Margin("pivot", pivot, label)], None
+    a, b = ca.SX.zeros(n, n), ca.vertcat(*[of.rhs[i] for i in rows])
+    for r, i in enumerate(rows):
+        for c, j in enumerate(columns):
+            if j in of.rows[i]:
+                a[r, c] = of.rows[i][j].value
+        if pairs is not None and of.rows[i][pairs[i]].points[0] < 0:
+            a[r, :], b[r] = -a[r, :], -b[r]
+    x, pivots = (_definite if pairs is not None else _determinants if n <= SMALL_CORE else _gram_schmidt)(a, b)
+    named = zip(columns, pivots, strict=True)
+    margins = [Margin("pivot", p, f"{label} ({unknowns[j].name()})") for j, p in named]
+    core = DenseCore([unknowns[j] for j in columns], a, b, pairs is not None) if n > SMALL_CORE else None
+    return [(unknowns[j], x[c]) for c, j in enumerate(columns)], margins, core
 
 
 def _definite(a: ca.SX, b: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
