@@ -80,10 +80,9 @@ def study(
     claims = bound_claims(function, bounds or {})
     prover: ClosedFormProver | NewtonProver
     if function.kernels:
-        if regular or real != "double":
-            argument = "regular" if regular else "real"
-            raise ArgumentError(f"{function.name} has a Newton block; {argument} is for closed forms", argument)
-        prover = NewtonProver(function, claims, None if moving is None else _away(function, moving))
+        if real != "double":
+            raise ArgumentError(f"{function.name} has a Newton block, whose proofs are in double; leave it out", "real")
+        prover = NewtonProver(function, claims, None if moving is None else _away(function, moving), regular)
     else:
         if moving is not None:
             raise ArgumentError(f"{function.name} is a closed form, which has no last answer; leave it out", "moving")
@@ -167,9 +166,9 @@ def _study_of(
     claims, points = _claims(prover, leaves, names, turned)
     least = steps = None
     if isinstance(prover, NewtonProver):
-        steps = int(leaves.worst[-1, good].max()) if prover.away is not None and good.any() else None
-    elif prover.regular and good.any():
-        least = float(-leaves.worst[0, good].max())
+        steps = int(leaves.worst[-2, good].max()) if prover.away is not None and good.any() else None
+    if prover.regular and good.any():
+        least = float(-leaves.worst[-1, good].max())
     open_ = next((f"{name}: {word}" for name, word in [*claims.items()][1:] if word != WORDS[PROVED]), "")
     advice = f"{open_}; use a smaller box" + ("" if points else ", or a larger max_boxes")
     stopped = not leaves.complete

@@ -46,7 +46,7 @@ class ClosedFormProver:
         self.targets = sum(s.size for s in function.outputs)
         self._used = sorted({c.output for c in self.rows})
         self._centred = MeanValue(self.tape, self._used)
-        self._jacobian = IntervalTape(with_jacobian(self.tape, range(self.targets))[1]) if regular else None
+        self._jacobian = with_jacobian(self.tape, range(self.targets))[1] if regular else None
         self._curved = None if self._jacobian is None else MeanValue(self._jacobian, range(self._jacobian.outputs))
 
     def decide(self, lo: Array, hi: Array) -> Decision:

@@ -19,17 +19,19 @@ GROWN = 1.0 + 2.0**-40
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """Round to nearest. unit: round-off relative to a result. tiny: smallest positive number; largest: largest one."""
+    """Round to nearest. unit: round-off relative to a result. tiny: smallest positive number; largest: largest one.
+    folded: relative error of constants in the text that stand for products of exact ones."""
 
     name: str
     unit: float
     tiny: float
     largest: float
+    folded: float = 0.0
 
     def constant(self, value: float) -> float:
         """Return the error of a constant, which the text of the code rounds to this arithmetic."""
         if self.name == "double":
-            return 0.0
+            return self.folded * abs(value)
         return abs(value - float(np.float32(value))) * GROWN
 
 
