@@ -20,7 +20,7 @@ from .claims import REGULAR, SOLVED, STATUS, Claim, bound_claims, entries
 from .closed_form import ClosedFormProver
 from .intervals import LIBM_ULP, Array
 from .newton_form import NewtonProver
-from .subdivision import Leaves, subdivide
+from .subdivision import Leaves, least_singular, subdivide
 
 ASSUMPTIONS = (
     "IEEE 754 arithmetic, rounded to nearest, with denormal numbers: no -ffast-math, no flush to zero, no contraction "
@@ -32,6 +32,7 @@ ASSUMPTIONS = (
 )
 PROVED_ALL = "proved at every point of the box"
 RESOLUTION = 0.01  # of the size of the largest box
+SHARPENING = 500  # boxes spent on a sharper bound of the smallest singular value
 
 
 @study_function
@@ -168,7 +169,7 @@ def _study_of(
     if isinstance(prover, NewtonProver):
         steps = int(leaves.worst[-2, good].max()) if prover.away is not None and good.any() else None
     if prover.regular and good.any():
-        least = float(-leaves.worst[-1, good].max())
+        least = least_singular(prover, leaves, good, SHARPENING)
     open_ = next((f"{name}: {word}" for name, word in [*claims.items()][1:] if word != WORDS[PROVED]), "")
     advice = f"{open_}; use a smaller box" + ("" if points else ", or a larger max_boxes")
     stopped = not leaves.complete

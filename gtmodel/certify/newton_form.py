@@ -76,7 +76,7 @@ class NewtonProver:
         away = np.zeros((self.inputs, 1)) if self.away is None else self.away[:, None]
         with np.errstate(all="ignore"):
             low, high = np.nextafter(lo - away, -np.inf), np.nextafter(hi + away, np.inf)
-            tube = Tube(self._derivatives, self.scale, self._solutions(lo + 0.5 * (hi - lo)), low, high)
+            tube = Tube(self._derivatives, self.scale, self.solutions(lo + 0.5 * (hi - lo)), low, high)
             start = np.full(n, ANSWER)
             if self.away is not None:
                 start = (start + tube.around(np.zeros(n)).motion(self.away)) * GROWN
@@ -107,7 +107,7 @@ class NewtonProver:
     def _sizes(self) -> list[int]:
         return [s.size for s in self.function.inputs]
 
-    def _solutions(self, a: Array) -> Array:
+    def solutions(self, a: Array) -> Array:
         """Return the solutions (unknowns, n) of the declared assembly mode at points, by the function itself; NaN
         without one. Only centres of regions: what holds around them is proved."""
         first = np.cumsum(self._sizes)[:-1]

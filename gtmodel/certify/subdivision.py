@@ -146,11 +146,14 @@ def _halved(level: tuple[Array, Array], depth: Array, split: Array, side: Array)
     return (np.concatenate([lo, above], axis=1), np.concatenate([below, hi], axis=1)), np.tile(depth[split] + 1, 2)
 
 
-def sharpened(measure: Callable[[Array, Array], Array], leaves: Array, hi: Array, sides: Array, budget: int) -> Array:
+def sharpened(
+    measure: Callable[[Array, Array], Array], lo: Array, hi: Array, sides: Array, budget: int,
+    values: Array | None = None, near: float = 0.02,
+) -> Array:  # fmt: skip
     """Return greatest values (k,) of `measure`, (k, n) bounds over boxes, made sharper by halving the boxes with the
-    worst bounds, in turn along `sides`."""
-    lo = leaves
-    values = measure(lo, hi)
+    worst bounds, in turn along `sides`. values: those of the boxes, if they are known. near: boxes within this part of
+    the worst bound are halved together."""
+    values = measure(lo, hi) if values is None else values
     worst = values.max(axis=1)
     if not sides.size:
         return worst
@@ -159,7 +162,7 @@ def sharpened(measure: Callable[[Array, Array], Array], leaves: Array, hi: Array
         with np.errstate(invalid="ignore"):
             size = np.abs(worst)[:, None]
             chosen = np.flatnonzero(
-                (values >= worst[:, None] - 0.02 * size).any(axis=0) & np.isfinite(values).all(axis=0)
+                (values >= worst[:, None] - near * size).any(axis=0) & np.isfinite(values).all(axis=0)
             )
         chosen = chosen[: max(1, budget // 2)]
         if not chosen.size:
@@ -178,6 +181,18 @@ def sharpened(measure: Callable[[Array, Array], Array], leaves: Array, hi: Array
         worst = values.max(axis=1)
         budget -= 2 * chosen.size
     return worst
+
+
+def least_singular(prover: Prover, leaves: Leaves, chosen: Array, budget: int) -> float:
+    """Return a lower bound of the smallest singular value over the chosen boxes, which a prover gives, negative, as the
+    last row of `worst`."""
+    lo, hi = leaves.lo[:, chosen], leaves.hi[:, chosen]
+    sides = np.flatnonzero((hi > lo).any(axis=1))
+
+    def measure(lo: Array, hi: Array) -> Array:
+        return prover.decide(lo, hi).worst[-1:]
+
+    return float(-sharpened(measure, lo, hi, sides, budget, leaves.worst[-1:, chosen], near=0.5)[0])
 
 
 def _look(prover: Prover, points: Array, violated: list[Array | None]) -> None:

@@ -11,6 +11,7 @@ from typing import Any, Literal
 from pydantic import Field, PositiveFloat
 
 from gtmodel import predictive
+from gtmodel.certify import InputSpeed
 from gtmodel.cgen import Verification
 from gtmodel.fmu.plant_unit import PlantUnit
 from gtmodel.loop.lead_through.options import Guiding
@@ -34,6 +35,7 @@ class Function(FileSection):
     prefer: list[str] = Field(default=[], description="names to keep as states")
     branches: dict[str, Literal[-1, 1]] = Field(default={}, description="sign by name of a declared branch")
     trajectory: bool = Field(default=False, description="also generate NAME_at, along a sampled reference")
+    regular: bool = Field(default=False, description="for --certify: prove also that its Jacobian has full rank")
 
     start: dict[str, float | list[float]] = Field(
         default={},
@@ -268,6 +270,9 @@ class Schema(RobotProblem):
         default={},
         description='intervals by input, such as "der(T)" = [[-1.5, 1.5]], where every function must have a solution',
     )
+    moving: Made[InputSpeed] | None = Field(
+        default=None, description="for --certify: motion of the inputs between two calls of functions with a state"
+    )
     fmu: FmuSection = FmuSection.left_out()
     check: Made[Verification] = Made[Verification].left_out()
     lead_through: Made[Guiding] | None = Field(
@@ -276,6 +281,11 @@ class Schema(RobotProblem):
     plant: PlantUnitSection | None = Field(
         default=None, description="for gtmodel loop: a unit (FMI) instead of the simulated robot"
     )
+
+    @property
+    def wanted(self) -> tuple[InputSpeed | None, list[str]]:
+        """What --certify proves beside the status."""
+        return self.moving and self.moving.options(), [f.name for f in self.functions if f.regular]
 
     def robot_from(self, context: Context, out: Path) -> str:
         """Return the robot as the manifest of a generated folder names it: the path of its file from there."""
