@@ -46,6 +46,7 @@ class BoxCertificate(Study):
     ]
     scale: Annotated[float | None, "size of the proved box relative to the given one; null if it was not to shrink"]
     box: Annotated[Mapping[str, Sequence[float]], "least and greatest value of each input [SI]"]
+    cuts: Annotated[str, "how the box was halved, from which a stopped proof continues"]
     real: Annotated[str, "number type of the code whose status is proved"]
     assumptions: Annotated[Sequence[str], "what the proof assumes, in sentences"]
 

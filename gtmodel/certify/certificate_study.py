@@ -46,6 +46,7 @@ def study(
     around: Mapping[str, Sequence[float] | float] | None = None,
     real: Literal["double", "float"] = "double",
     max_boxes: Annotated[int, Within(least=1)] = 100_000,
+    cuts: str = "",
     **work_options: Unpack[WorkOptions],
 ) -> BoxCertificate:
     """Prove that a function has a solution at every point of a box, and bound the errors of its code there.
@@ -63,7 +64,9 @@ def study(
             return the largest one, to 1 % of the size of `box`.
         real: number type of the code whose status is proved.
         max_boxes: largest number of boxes to examine.
-        title, progress, max_seconds, stop: see `gtmodel.results.Work`.
+        cuts: `cuts` of an earlier result of the same proof that was stopped, to continue it: the boxes that it kept are
+            judged again, not those that it halved.
+        title, progress, max_seconds, stop, workers, executor: see `gtmodel.results.Work`.
 
     The status is CHECK_FAILED unless all is proved in the whole box. What was refuted is named with a point that was
     evaluated; what stays open is undecided, with its share of the volume. Nothing rests on samples. Raises
@@ -94,7 +97,10 @@ def study(
         return not work.interrupted()
 
     if around is None:
-        return _study_of(prover, subdivide(prover, lo, hi, max_boxes, going), lo, hi, work, None)
+        leaves = subdivide(prover, lo, hi, max_boxes, going, cuts=cuts)
+        return _study_of(prover, leaves, lo, hi, work, None)
+    if cuts:
+        raise ArgumentError("the search for the largest box begins anew; leave out the earlier result", "cuts")
     centre = _point(function, around, lo, hi)
     leaves, scale = _largest(prover, centre, lo, hi, max_boxes, going)
     return _study_of(prover, leaves, centre + scale * (lo - centre), centre + scale * (hi - centre), work, scale)
@@ -182,6 +188,7 @@ def _study_of(
         claims=claims, counter_examples=points,
         errors=dict(zip(targets, errors, strict=True)), float_errors=dict(zip(targets, single, strict=True)),
         ranges=dict(zip(targets, ranges, strict=True)), least_singular_value=least, steps=steps, scale=scale,
+        cuts=leaves.cuts,
         box={n: [float(a), float(b)] for n, a, b in zip(names, lo, hi, strict=True)},
         real=prover.real.name, assumptions=ASSUMPTIONS,
         figures={"boxes": partial(_figure, function, leaves, volumes, lo, hi, points, work.title)},

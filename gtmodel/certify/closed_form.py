@@ -49,10 +49,10 @@ class ClosedFormProver:
         self._jacobian = with_jacobian(self.tape, range(self.targets))[1] if regular else None
         self._curved = None if self._jacobian is None else MeanValue(self._jacobian, range(self._jacobian.outputs))
 
-    def decide(self, lo: Array, hi: Array) -> Decision:
+    def decide(self, lo: Array, hi: Array, whole: Array) -> Decision:
         """Judge boxes; what natural interval evaluation leaves open is tried with the mean-value form."""
         n = lo.shape[1]
-        whole = self._whole(hi - lo)
+        share = (hi - lo) / np.where(whole > 0, whole, 1.0)[:, None]
         states, undefined = self._natural(lo, hi, None)
         slopes = np.full((len(self._used), len(lo), n), np.nan)
         rest = np.flatnonzero(~(states > 0).all(axis=0))
@@ -65,7 +65,7 @@ class ClosedFormProver:
             least = self._regular(lo, hi)
             states = np.vstack([states, (least > 0).astype(int)])
             worst = -np.where(np.isnan(least), 0.0, least)[None]
-        return Decision(states, self._sides(states, slopes, undefined, whole), worst)
+        return Decision(states, self._sides(states, slopes, undefined, share), worst)
 
     def _known(self, lo: Array, hi: Array) -> tuple[dict[int, Interval], Interval]:
         """Return mean-value enclosures of the claimed outputs, infinite where there are none, and the slopes."""
@@ -73,12 +73,6 @@ class ClosedFormProver:
         jump = ~self.tape.over(lo, hi).continuous
         low, high = (np.where(np.isnan(x) | jump, far, x) for x, far in ((values.lo, -np.inf), (values.hi, np.inf)))
         return {output: Interval(low[k], high[k]) for k, output in enumerate(self._used)}, slopes
-
-    def _whole(self, width: Array) -> Array:
-        """Return widths relative to the widest box of the first level."""
-        if not hasattr(self, "_first"):
-            self._first = width.max(axis=1)
-        return width / np.where(self._first > 0, self._first, 1.0)[:, None]
 
     def _natural(self, lo: Array, hi: Array, known: dict[int, Interval] | None) -> tuple[Array, Array]:
         """Return the states of all claims but NONSINGULAR, and the first undefined step."""

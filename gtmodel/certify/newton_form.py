@@ -70,7 +70,7 @@ class NewtonProver:
         last = [*([] if away is None else [REACHED]), *([NONSINGULAR] if regular else [])]
         self.claims = [SMALL, ONE, *before, *self._after, FINITE, *last]
 
-    def decide(self, lo: Array, hi: Array) -> Decision:
+    def decide(self, lo: Array, hi: Array, whole: Array) -> Decision:
         """Judge boxes."""
         n = lo.shape[1]
         away = np.zeros((self.inputs, 1)) if self.away is None else self.away[:, None]
@@ -95,10 +95,7 @@ class NewtonProver:
                 states.append(reached.astype(int))
             if self.regular:
                 states.append((tube.proved & (singular > 0)).astype(int))
-            width = hi - lo
-            if not hasattr(self, "_whole"):
-                self._whole = np.where(width.max(axis=1) > 0, width.max(axis=1), 1.0)
-            share = width / self._whole[:, None]
+            share = (hi - lo) / np.where(whole > 0, whole, 1.0)[:, None]
             side = np.where(share.max(axis=0) > SHORTEST, np.argmax(share, axis=0), -1)
         bounds = [error[t], most[t], -least[t], np.where(reached, steps, 0)[None], -np.nan_to_num(singular)[None]]
         return Decision(np.array(states), side, np.vstack(bounds))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 
 import casadi as ca
 import numpy as np
@@ -291,3 +291,35 @@ def test_the_largest_box_around_a_point():
     assert f(centre + (s.scale + 0.02) * (corners - centre))[1].any()
     with pytest.raises(ArgumentError, match="inside the box"):
         study(f, box, around={"T": [5.0, 0.0, 0.0]})
+
+
+class Wave(gt.Model):
+    """A function whose bound cuts a box into many."""
+
+    a = gt.variable(2, start=[0.3, 0.2])
+    y = gt.variable()
+
+    def equations(self):
+        yield self.y == gt.sin(3 * self.a[0]) * gt.cos(2 * self.a[1])
+
+
+def test_a_stopped_proof_continues_and_workers_change_no_byte(monkeypatch):
+    monkeypatch.setattr(subdivision, "BLOCK", 32)
+    f = Wave().causal(known="a", targets="y")
+    prove = partial(study, f, {"a": [[-2.0, 2.0], [-2.0, 2.0]]}, bounds={"y": [[-2.0, 0.9]]}, max_boxes=1500)
+    whole = prove()
+    assert 0 < whole.proved < 1 and whole.boxes > 500
+    for checks in (3, 15):
+        calls = iter([False] * checks)
+        part = prove(stop=lambda calls=calls: next(calls, True))
+        assert part.status.value == "interrupted" and 1 < len(part.cuts) < len(whole.cuts)
+        again = prove(cuts=part.cuts)
+        assert (again.values, again.files) == (whole.values, whole.files)
+    more = prove(cuts=whole.cuts, max_boxes=4000)  # not only after a stop
+    assert more.proved > whole.proved and more.boxes > whole.boxes
+    with gt.workers.using(workers=2):
+        assert (prove().values, prove().files) == (whole.values, whole.files)
+    for text in ("A", "A...", "D..", "A.", "?.."):
+        with pytest.raises(ArgumentError) as error:
+            prove(cuts=text)
+        assert error.value.argument == "cuts"
