@@ -19,7 +19,7 @@ from .certificate import PROVED, REFUTED, UNDECIDED, WORDS, BoxCertificate, Inpu
 from .claims import REGULAR, SOLVED, STATUS, Claim, bound_claims, entries
 from .closed_form import ClosedFormProver
 from .intervals import LIBM_ULP, Array
-from .newton_form import NewtonProver
+from .newton_form import ANSWER, NewtonProver
 from .subdivision import Leaves, least_singular, subdivide
 
 ASSUMPTIONS = (
@@ -32,7 +32,7 @@ ASSUMPTIONS = (
 )
 PROVED_ALL = "proved at every point of the box"
 RESOLUTION = 0.01  # of the size of the largest box
-SHARPENING = 500  # boxes spent on a sharper bound of the smallest singular value
+SHARPENING = 200  # boxes spent on a sharper bound of the smallest singular value
 
 
 @study_function
@@ -188,12 +188,23 @@ def _study_of(
         claims=claims, counter_examples=points,
         errors=dict(zip(targets, errors, strict=True)), float_errors=dict(zip(targets, single, strict=True)),
         ranges=dict(zip(targets, ranges, strict=True)), least_singular_value=least, steps=steps, scale=scale,
-        cuts=leaves.cuts,
+        cuts=leaves.cuts, notes=_notes(prover),
         box={n: [float(a), float(b)] for n, a, b in zip(names, lo, hi, strict=True)},
         real=prover.real.name, assumptions=ASSUMPTIONS,
         figures={"boxes": partial(_figure, function, leaves, volumes, lo, hi, points, work.title)},
         files={"boxes.csv": _table(prover.claims, leaves, names)},
     )  # fmt: skip
+
+
+def _notes(prover: ClosedFormProver | NewtonProver) -> list[str]:
+    if not isinstance(prover, NewtonProver):
+        return []
+    if prover.away is not None:
+        return ["errors are those of round-off, for code that starts at its last answer"]
+    return [
+        f"errors are bounded by the tolerance of the code, for an answer within {ANSWER:g} nominals of the solution; "
+        "with the motion of the inputs, moving, by round-off"
+    ]
 
 
 def _bounds(

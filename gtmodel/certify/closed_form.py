@@ -98,8 +98,11 @@ class ClosedFormProver:
         least = least_singular_value(self._matrices(e.lo, e.hi))
         rest = np.flatnonzero(~np.isnan(e.lo).any(axis=0) & e.continuous)
         if rest.size:
-            values, _ = self._curved.over(lo[:, rest], hi[:, rest])
-            least[rest] = np.fmax(least[rest], least_singular_value(self._matrices(values.lo, values.hi)))
+            at, slopes, way = self._curved.parts(lo[:, rest], hi[:, rest])
+            shape = (self.tape.inputs, self.targets, self.tape.inputs, -1)
+            second = Interval(*(x.reshape(shape).transpose(3, 1, 0, 2) for x in slopes))
+            found = least_singular_value(self._matrices(at.lo, at.hi), second, way)
+            least[rest] = np.fmax(least[rest], found)
         return least
 
     def _matrices(self, lo: Array, hi: Array) -> Interval:

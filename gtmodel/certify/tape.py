@@ -279,7 +279,12 @@ class MeanValue:
 
     def over(self, lo: Array, hi: Array) -> tuple[Interval, Interval]:
         """Return the values (m, n) and the slopes (m, inputs, n); NaN where a slope is undefined."""
+        at, slopes, way = self.parts(lo, hi)
         with np.errstate(all="ignore"):
-            middle, way = about(lo, hi)
-            at, slopes = self._value.over(middle, middle), self.slopes(lo, hi)
-            return add(Interval(at.lo, at.hi), along(slopes, way)), slopes
+            return add(at, along(slopes, way)), slopes
+
+    def parts(self, lo: Array, hi: Array) -> tuple[Interval, Interval, Interval]:
+        """Return the values at the midpoints (m, n), the slopes (m, inputs, n), and the ways from there."""
+        middle, way = about(lo, hi)
+        at = self._value.over(middle, middle)
+        return Interval(at.lo, at.hi), self.slopes(lo, hi), way

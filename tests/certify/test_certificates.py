@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from decimal import Decimal
 from functools import cache, partial
 
 import casadi as ca
@@ -65,14 +66,15 @@ def test_no_statement_is_violated_at_random_points(box, name, points):
     double, status = f(x)
     assert not status.any()
     single_x = x.astype(np.float32)
-    single, at = run(f.closed, [single_x.T])[0], Exact(f.closed)
-    for k in range(points):
-        exact, rounded = at(x[k]), at(single_x[k].astype(float))
-        for i, name_ in enumerate(s.errors):
-            low, high = s.ranges[name_]
+    single, at = run(f.closed, [single_x.T])[0].astype(float).T.tolist(), Exact(f.closed, Decimal)
+    bounds = [[Decimal(y) for y in (*s.ranges[n], s.errors[n], s.float_errors[n])] for n in s.errors]
+    lists = x.tolist(), single_x.astype(float).tolist(), double.tolist(), single
+    for here, there, values, rounded in zip(*lists, strict=True):
+        exact, near = at(here), at(there)
+        for i, (low, high, error, float_error) in enumerate(bounds):
             assert low <= exact[i] <= high
-            assert abs(exact[i] - mpf(double[k, i])) <= s.errors[name_]
-            assert abs(rounded[i] - mpf(float(single[i, k]))) <= s.float_errors[name_]
+            assert abs(exact[i] - Decimal(values[i])) <= error
+            assert abs(near[i] - Decimal(rounded[i])) <= float_error
 
 
 def test_error_bounds_are_near_what_is_observed():

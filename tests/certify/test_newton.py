@@ -60,25 +60,21 @@ def test_the_code_reaches_the_solution_from_its_last_answer(points):
     values, status = evaluate_stages(cut, [now], start, f.sizes)
     assert not status.any()
     residual, body = Exact(f.kernels[0].residual), Exact(cut.body)
+    observed = dict.fromkeys(s.errors, mpf(0))
     for k in range(points):
         z = solved(residual, f.unknowns(now[k : k + 1])[0][0][0], now[k])
         exact = body([*now[k], *z])
         for i, (name, bound) in enumerate(s.errors.items()):
             low, high = s.ranges[name]
             assert low <= exact[i] <= high
-            assert abs(exact[i] - mpf(values[k, i])) <= bound
-
-
-def test_the_whole_box_of_the_controller_has_one_solution_everywhere():
-    """The box of problems/d1_controller.toml, 0.6 m wide."""
-    moving = gt.certify.InputSpeed(speed={"T": 1.0}, period=0.004)
-    s = gt.certify.study(six_links(), {"T": [[-1.76, -1.16], [-4.79, -4.19], [-0.28, 0.32]]}, moving=moving)
-    assert s.status.ok and s.proved == 1.0 and s.claims["status OK"] == "proved" and s.boxes < 200
+            observed[name] = max(observed[name], abs(exact[i] - mpf(values[k, i])))
+            assert observed[name] <= bound
+    assert all(s.errors[name] <= 1000 * x for name, x in observed.items())
 
 
 def test_without_a_motion_the_tolerance_bounds_the_error():
     s = gt.certify.study(six_links(), box(0.02))
-    assert s.proved == 1.0 and s.steps is None
+    assert s.proved == 1.0 and s.steps is None and "tolerance" in s.notes[0]
     assert 1e-12 < max(s.errors.values()) < 1e-9  # the code accepts residuals of 1e-11
 
 
