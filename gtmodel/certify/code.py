@@ -84,14 +84,14 @@ class Statements:
             bounds = ", ".join(f"{n} {e:.3g}" for n, e in zip(entry["outputs"], entry["errors"], strict=True))
             solved = "returns GT_OK"
             if "speed" in entry:
-                speeds = ", ".join(f"{n} by {v:g} per second" for n, v in entry["speed"].items())
+                speeds = ", ".join(f"{n} by {v:g}" for n, v in entry["speed"].items())
                 solved = (
                     "has one solution in this assembly mode, and returns GT_OK from its last answer with a call every "
                 )
                 solved += f"{entry['period']:g} s, while each number of an input moves by at most {speeds}"
             elif entry["newton"]:
                 solved = "has one solution in this assembly mode, and returns GT_OK from its last answer with a call "
-                solved += f"every {entry['period']:g} s, while each number of an input moves by at most {speeds}"
+                solved += f"every {entry['period']:g} s, while inputs change in a second by at most {speeds}"
             elif entry["newton"]:
                 solved = "has one solution in this assembly mode; where it returns one"
             line = f"- `{symbol}` {solved}; the outputs differ from the exact ones by at most {bounds} (SI units)"
@@ -129,7 +129,12 @@ def statements(
         except ArgumentError as error:
             left_out[key] = error.message
             continue
-        leaves = subdivide(prover, lo, hi, MAX_BOXES, lambda share, boxes: not work.interrupted())
+
+        def going(share: float, boxes: int, key: str = key, n: int = n) -> bool:
+            work.progress(f"proving {key}", (n + share) / len(functions), {"boxes": boxes})
+            return not work.interrupted()
+
+        leaves = subdivide(prover, lo, hi, MAX_BOXES, going)
         proved = leaves.volume(PROVED)
         checks[f"certified_{key}"] = at_least(proved, 1.0, f"use a smaller box for {key}, or leave out the certificate")
         if proved == 1.0:

@@ -58,8 +58,8 @@ OPERATIONS: dict[int, Callable[..., Any]] = {
 
 
 class Exact:
-    """An SX function with fifty digits; called with one point (all inputs in one column), returns all outputs, numbers of
-    the type `number`, mpf or Decimal."""
+    """An SX function with fifty digits; called with one point (all inputs in one column), returns all outputs. `number`
+    is the type of all numbers, mpf or Decimal."""
 
     def __init__(self, f: ca.Function, number: type = mpf) -> None:
         codes = {f.instruction_id(k) for k in range(f.n_instructions())}

@@ -187,3 +187,19 @@ def test_a_residual_that_jumps_is_not_proved():
     assert len(f.kernels) == 1
     s = gt.certify.study(f, {"a": [[0.3, 0.5]]}, max_boxes=30)
     assert 0 < s.proved < 1.0 and not s.status.ok
+
+
+@pytest.mark.proof
+def test_all_statements_over_half_of_the_reach_of_six_links():
+    """A slice 0.2 m thick across the guideways, along which the reach hardly changes, with all that is reached of it:
+    one solution, no singular pose, and the code follows 1 m/s. Only the size of the reach is sampled, not what is
+    proved. About 70 s of CPU, 21,000 boxes."""
+    f = gt.robots.six_link_gantry_tau("d1_six_link").causal(known="T", targets="q")
+    lo, hi = MIDDLE - [0.1, 1.2, 1.3], MIDDLE + [0.1, 1.5, 1.4]
+    T = np.random.default_rng(0).uniform(MIDDLE - [0.1, 2.4, 2.4], MIDDLE + [0.1, 2.4, 2.4], (20_000, 3))
+    reached = T[f(T)[1] == 0]
+    assert np.all((reached > lo) & (reached < hi))
+    slice_ = {"T": np.stack([lo, hi], axis=1).tolist()}
+    s = gt.certify.study(f, slice_, moving=gt.certify.InputSpeed(speed={"T": 1.0}), regular=True, max_boxes=30_000)
+    reach = len(reached) / len(T) * 4.8**2
+    assert s.proved * 2.7 * 2.7 > 0.5 * reach and s.steps <= 4
