@@ -195,8 +195,8 @@ def test_all_statements_over_half_of_the_reach_of_six_links():
     one solution, no singular pose, and the code follows 1 m/s. Only the size of the reach is sampled, not what is
     proved. About 70 s of CPU, 21,000 boxes."""
     f = gt.robots.six_link_gantry_tau("d1_six_link").causal(known="T", targets="q")
-    lo, hi = MIDDLE - [0.1, 1.2, 1.3], MIDDLE + [0.1, 1.5, 1.4]
-    T = np.random.default_rng(0).uniform(MIDDLE - [0.1, 2.4, 2.4], MIDDLE + [0.1, 2.4, 2.4], (20_000, 3))
+    lo, hi, far = MIDDLE - [0.1, 1.2, 1.3], MIDDLE + np.array([0.1, 1.5, 1.4]), np.array([0.1, 2.4, 2.4])
+    T = np.random.default_rng(0).uniform(MIDDLE - far, MIDDLE + far, (20_000, 3))
     reached = T[f(T)[1] == 0]
     assert np.all((reached > lo) & (reached < hi))
     slice_ = {"T": np.stack([lo, hi], axis=1).tolist()}
