@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 
 from check_certificate import ARITHMETIC, Machine, Refused, Undecided, Value, framed, halves, outside, passes
 from check_derivatives import Derivatives, Jet, between, inverse, least_singular_value, most, norm, split
@@ -86,35 +87,50 @@ class Newton:
         moved = [arb(v) * arb(stated.get("period", 0.0)) for v in speeds]
         self.away = [x for x, size in zip(moved, self.sizes, strict=True) for _ in range(size)]
 
-    def open(self, a: list[float], b: list[float], start: list[float], tolerance: float) -> None:
-        """Raise Undecided unless all statements hold in the box; `start`: about the solution at its midpoint."""
+    def open(self, a: list[float], b: list[float], start: list[float], tolerance: float) -> tuple:
+        """Return the line of solutions. Raises Undecided unless all statements hold in the box; `start`: about the
+        solution at its midpoint."""
         spans = [(arb(p) - w).union(arb(q) + w) for p, q, w in zip(a, b, self.away, strict=True)]
-        self.a0 = [p + 0.5 * (q - p) for p, q in zip(a, b, strict=True)]
-        self.way = [x - y for x, y in zip(spans, self.a0, strict=True)]
-        self._centre(start)
-        m, s, tiny = self.m, self.s, arb("1e-13")
-        w = [tiny * x for x in s]
-        for _ in range(5):  # the Krawczyk operator
-            second, D, _ = self._around(w)
-            line = arb_mat(m + self.k, 1, [arb(0)] * m + self.way)
-            g = self.r0 + self.first * line
-            for c, way in enumerate(self.way, m):
-                g += second[c] * line * (way / 2)
-            image = [abs(g[i, 0]) + sum((abs(x) * y for x, y in zip(row, w, strict=True)), arb(0))
-                     for i, row in enumerate(self._rest(D))]  # fmt: skip
-            if all(x < y for x, y in zip(image, w, strict=True)):
-                break
-            w = [most([2 * x]) + tiny * y for x, y in zip(image, s, strict=True)]
-        else:
-            raise Undecided
+        D, w, widest = self._krawczyk(spans, [p + 0.5 * (q - p) for p, q in zip(a, b, strict=True)], start)
         slope = self._slope(D)
-        moved = [sum((abs(x) * y for x, y in zip(row, self.away, strict=True)), arb(0)) / s[i]
+        moved = [sum((abs(x) * y for x, y in zip(row, self.away, strict=True)), arb(0)) / self.s[i]
                  for i, row in enumerate((arb_mat(self.M) + slope).tolist())]  # fmt: skip
         # the last inputs may lie beside the box, these do not
         spans = [arb(p).union(arb(q)) for p, q in zip(a, b, strict=True)]
         self.way = [x - y for x, y in zip(spans, self.a0, strict=True)]
         e = self._reached(ANSWER + most(moved), w, spans)
         self._results(e, w, spans, slope, tolerance)
+        return self.a0, self.z0, self.M, widest
+
+    def _krawczyk(self, spans: list[arb], a0: list[float], start: list[float]) -> tuple[arb_mat, list[arb], list[arb]]:
+        """Return C dr/du, and half widths in which the solutions lie, and in which there is no other one."""
+        self.a0, m, s, tiny = a0, self.m, self.s, arb("1e-13")
+        self.way = [x - y for x, y in zip(spans, a0, strict=True)]
+        self._centre(start)
+        w = [tiny * x for x in s]
+        for _ in range(5):
+            second, D, _ = self._around(w)
+            line = arb_mat(m + self.k, 1, [arb(0)] * m + self.way)
+            g = self.r0 + self.first * line
+            for c, way in enumerate(self.way, m):
+                g += second[c] * line * (way / 2)
+            image = [most([abs(g[i, 0]) + sum((abs(x) * y for x, y in zip(row, w, strict=True)), arb(0))])
+                     for i, row in enumerate(self._rest(D))]  # fmt: skip
+            if all(x < y for x, y in zip(image, w, strict=True)):
+                return D, image, w
+            w = [2 * x + tiny * y for x, y in zip(image, s, strict=True)]
+        raise Undecided
+
+    def same(self, p: list[float], lines: list[tuple]) -> bool:
+        """Return whether two lines of solutions have the same one at a point."""
+        starts = [[arb(z) + sum((t * (arb(x) - y) for t, x, y in zip(row, p, a0, strict=True)), arb(0))
+                   for z, row in zip(z0, M, strict=True)] for a0, z0, M, _ in lines]  # fmt: skip
+        try:
+            _, w, _ = self._krawczyk([arb(x) for x in p], p, [float(z.mid()) for z in starts[0]])
+        except Undecided:
+            return False
+        return all(abs(x - z) + d < y for begin, (*_, widest) in zip(starts, lines, strict=True)
+                   for x, z, d, y in zip(begin, self.z0, w, widest, strict=True))  # fmt: skip
 
     def _centre(self, z: list[float]) -> None:
         """Set solution, inverse, tangents and first derivatives at the midpoint."""
@@ -251,13 +267,31 @@ def checked(symbol: str, entry: dict, stated: dict, bodies: dict, texts: list[st
     """Check one function over boxes, each with about the solution at its midpoint; return their number."""
     function, (boxes, whole), count = Newton(symbol, entry, stated, bodies, *texts), framed(symbol, entry, stated), 0
     waiting = [(a, b, z) for (a, b), z in zip(boxes, stated["starts"], strict=True)]
+    solved: list[tuple] = []
     while waiting:
         a, b, start = waiting.pop()
         count += 1
         try:
-            function.open(a, b, start, tolerance)
+            solved.append((a, b, function.open(a, b, start, tolerance)))
         except Undecided:
             if count >= MOST:
                 raise Refused(f"{symbol}: not decided with {MOST} boxes, last {a} to {b}") from None
             waiting += [(*half, start) for half in halves(symbol, a, b, whole, None)]
+    for p, lines in common_faces(solved, whole):
+        if not function.same(p, lines):
+            raise Refused(f"{symbol}: the boxes at {p} may hold different solutions")
     return count
+
+
+def common_faces(solved: list[tuple], whole: list[float]) -> Iterator[tuple[list[float], list[tuple]]]:
+    """Yield a point of each common face of two boxes, and the lines of both."""
+    sides = [k for k, width in enumerate(whole) if width > 0]
+    for k in sides:
+        above: dict[float, list[tuple]] = {}
+        for box in solved:
+            above.setdefault(box[0][k], []).append(box)
+        for a, b, line in solved:
+            for c, d, other in above.get(b[k], []):
+                low, high = [max(x) for x in zip(a, c, strict=True)], [min(x) for x in zip(b, d, strict=True)]
+                if all(low[i] < high[i] for i in sides if i != k):
+                    yield [x + 0.5 * (y - x) for x, y in zip(low, high, strict=True)], [line, other]

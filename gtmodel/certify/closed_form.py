@@ -67,6 +67,10 @@ class ClosedFormProver:
             worst = -np.where(np.isnan(least), 0.0, least)[None]
         return Decision(states, self._sides(states, slopes, undefined, share), worst)
 
+    def settled(self, lo: Array, hi: Array, states: Array, worst: Array) -> Array:
+        """Return the states as they are: a closed form has one value at each point."""
+        return states
+
     def _known(self, lo: Array, hi: Array) -> tuple[dict[int, Interval], Interval]:
         """Return mean-value enclosures of the claimed outputs, infinite where there are none, and the slopes."""
         values, slopes = self._centred.over(lo, hi)

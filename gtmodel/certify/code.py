@@ -82,18 +82,12 @@ class Statements:
         lines = []
         for symbol, entry in self._by_symbol(self.functions).items():
             bounds = ", ".join(f"{n} {e:.3g}" for n, e in zip(entry["outputs"], entry["errors"], strict=True))
-            solved = "returns GT_OK"
+            one = "has one solution in this assembly mode"
+            solved = f"{one}; where it returns one" if entry["newton"] else "returns GT_OK"
             if "speed" in entry:
                 speeds = ", ".join(f"{n} by {v:g}" for n, v in entry["speed"].items())
-                solved = (
-                    "has one solution in this assembly mode, and returns GT_OK from its last answer with a call every "
-                )
-                solved += f"{entry['period']:g} s, while each number of an input moves by at most {speeds}"
-            elif entry["newton"]:
-                solved = "has one solution in this assembly mode, and returns GT_OK from its last answer with a call "
-                solved += f"every {entry['period']:g} s, while inputs change in a second by at most {speeds}"
-            elif entry["newton"]:
-                solved = "has one solution in this assembly mode; where it returns one"
+                solved = f"{one}, and returns GT_OK from its last answer with a call every {entry['period']:g} s, "
+                solved += f"while inputs change in a second by at most {speeds}"
             line = f"- `{symbol}` {solved}; the outputs differ from the exact ones by at most {bounds} (SI units)"
             if "least_singular_value" in entry:
                 least = entry["least_singular_value"]

@@ -23,7 +23,7 @@ from .closed_form import FINITE, NONSINGULAR, SMALL, inputs_are_small
 from .intervals import Array, Interval, add
 from .regularity import along, least_singular_value, product
 from .rounding import DOUBLE, GROWN
-from .subdivision import SHORTEST, Decision, Leaves
+from .subdivision import SHORTEST, Decision, Leaves, common_faces
 from .tape import IntervalTape, MeanValue
 from .tube import Derivatives, Surroundings, Tube
 
@@ -97,8 +97,41 @@ class NewtonProver:
                 states.append((tube.proved & (singular > 0)).astype(int))
             share = (hi - lo) / np.where(whole > 0, whole, 1.0)[:, None]
             side = np.where(share.max(axis=0) > SHORTEST, np.argmax(share, axis=0), -1)
-        bounds = [error[t], most[t], -least[t], np.where(reached, steps, 0)[None], -np.nan_to_num(singular)[None]]
-        return Decision(np.array(states), side, np.vstack(bounds))
+        line = [tube.middle, tube.centre, tube.tangents.lo.reshape(-1, n), tube.unique]
+        last = [np.where(reached, steps, 0)[None], -np.nan_to_num(singular)[None]]
+        return Decision(np.array(states), side, np.vstack([error[t], most[t], -least[t], *line, *last]))
+
+    def settled(self, lo: Array, hi: Array, states: Array, worst: Array) -> Array:
+        """Return the states of boxes, undecided where boxes with a common face may hold different solutions: code that
+        follows one solution across the face would not meet the other."""
+        good = np.flatnonzero((states > 0).all(axis=0))
+        pairs, points = common_faces(lo[:, good], hi[:, good])
+        if not pairs.shape[1]:
+            return states
+        a, b = good[pairs]
+        first, m, k = 3 * self.targets, self.unknowns, self.inputs
+        sizes = np.cumsum([k, m, m * k])
+        middle, centre, tangents, unique = np.split(worst[first : first + k + m * (2 + k)], sizes)
+        tangents = tangents.reshape(m, k, -1)
+
+        def line(of: Array) -> Array:
+            return centre[:, of] + ((points - middle[:, of])[None] * tangents[:, :, of]).sum(axis=1)
+
+        same = np.zeros(len(a), dtype=bool)
+        with np.errstate(all="ignore"):
+            z = line(a)
+            for _ in range(3):
+                r, J = self._derivatives.at(z, points)
+                regular = np.isfinite(J.lo).all(axis=(1, 2)) & np.isfinite(r.lo).all(axis=(1, 2))
+                step = np.zeros_like(z)
+                step[:, regular] = (np.linalg.pinv(J.lo[regular][:, :, :m]) @ r.lo[regular])[:, :, 0].T
+                z = z - step
+            tube = Tube(self._derivatives, self.scale, z, points, points)
+            far = [np.abs(z - line(of)) * GROWN + tube.w + 1e-13 * self.scale[:, None] for of in (a, b)]
+            same = tube.proved & (far[0] < unique[:, a]).all(axis=0) & (far[1] < unique[:, b]).all(axis=0)
+        result = states.copy()
+        result[1, np.concatenate([a[~same], b[~same]])] = 0  # the claim ONE
+        return result
 
     @property
     def _sizes(self) -> list[int]:

@@ -33,12 +33,14 @@ class Decision:
 
 class Prover(Protocol):
     """A function with its claims. `decide` judges boxes lo, hi (inputs, n) for every point in them, parts of a box with
-    the widths `whole` (inputs,); `at` judges points by evaluation: states (claims, n)."""
+    the widths `whole` (inputs,); `at` judges points by evaluation: states (claims, n). `settled` returns the states of
+    all boxes together, undecided for those that do not fit one another."""
 
     @property
     def claims(self) -> Sequence[Claim]: ...
     def decide(self, lo: Array, hi: Array, whole: Array) -> Decision: ...
     def at(self, points: Array) -> Array: ...
+    def settled(self, lo: Array, hi: Array, states: Array, worst: Array) -> Array: ...
 
 
 @dataclass
@@ -140,11 +142,38 @@ def subdivide(
         which = _followers(earlier, which[split])
         level, depth = _halved(level, depth, split, decision.side)
     parts = [p for p in parts if p.lo.shape[1]]
-    return Leaves(
-        np.concatenate([p.lo for p in parts], axis=1), np.concatenate([p.hi for p in parts], axis=1),
-        np.concatenate([p.states for p in parts], axis=1), np.concatenate([p.share for p in parts]),
-        np.concatenate([p.worst for p in parts], axis=1), examined, violated, complete, "".join(text),
-    )  # fmt: skip
+    low, high, states, worst = (
+        np.concatenate([getattr(p, n) for p in parts], axis=1) for n in ("lo", "hi", "states", "worst")
+    )
+    states = prover.settled(low, high, states, worst)
+    shares = np.concatenate([p.share for p in parts])
+    return Leaves(low, high, states, shares, worst, examined, violated, complete, "".join(text))
+
+
+def common_faces(lo: Array, hi: Array) -> tuple[Array, Array]:
+    """Return the pairs (2, n) of boxes lo, hi (inputs, boxes) that have a part of a face in common, and the middle of
+    that part (inputs, n). Sides without width count as covered."""
+    pairs, points = [np.zeros((2, 0), dtype=int)], [np.zeros((len(lo), 0))]
+    for side in np.flatnonzero((hi > lo).any(axis=1)):
+        ends, starts = (np.argsort(x[side], kind="stable") for x in (hi, lo))
+        for plane in np.intersect1d(hi[side], lo[side]):
+            below, above = (
+                order[np.searchsorted(x[side][order], plane) : np.searchsorted(x[side][order], plane, "right")]
+                for order, x in ((ends, hi), (starts, lo))
+            )
+            for first in range(0, below.size, BLOCK):
+                some = below[first : first + BLOCK]
+                low = np.maximum(lo[:, some, None], lo[:, None, above])
+                high = np.minimum(hi[:, some, None], hi[:, None, above])
+                flat = (hi == lo).all(axis=1)
+                touching = (high > low) | (flat[:, None, None] & (high == low))
+                touching[side] = True
+                i, j = np.nonzero(touching.all(axis=0))
+                middle = low[:, i, j] + 0.5 * (high[:, i, j] - low[:, i, j])
+                middle[side] = plane
+                pairs.append(np.stack([some[i], above[j]]))
+                points.append(middle)
+    return np.concatenate(pairs, axis=1), np.concatenate(points, axis=1)
 
 
 def _followers(earlier: Cuts, which: Array) -> Array:

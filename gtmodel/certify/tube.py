@@ -80,11 +80,12 @@ class Tube:
         m, n = self.centre.shape
         floor = _FLOOR * self.scale[:, None]
         self.proved, self.w = np.zeros(n, dtype=bool), np.full((m, n), np.nan)
+        self.unique = self.w.copy()  # half widths in which there is no other solution
         w = 2.0 * self._image(self._line, np.zeros((m, n)))[1] + floor
         for _ in range(ATTEMPTS):
             mapped, _ = self._image(self._line.widened(w), w)
             inside = (mapped < w).all(axis=0) & ~self.proved
-            self.w[:, inside] = mapped[:, inside]
+            self.w[:, inside], self.unique[:, inside] = mapped[:, inside], w[:, inside]
             self.proved |= inside
             if self.proved.all():
                 break

@@ -178,6 +178,33 @@ def _in_body(text: str, function: str, pattern: str, new: str) -> str:
     return head + begin + re.sub(pattern, new, rest, count=1)
 
 
+class TwoSolutions(gt.Model):
+    a = gt.variable(start=1.5)
+    z = gt.variable(start=1.2)
+
+    def equations(self):
+        yield self.z**2 + 0.1 * gt.sin(self.z) == self.a
+
+
+def test_boxes_with_different_solutions_are_refused(checker, tmp_path):
+    """Each half of the box has one solution near its start, but they are not one solution."""
+    box = {"a": [[1.0, 2.0]]}
+    functions = {"f": TwoSolutions().causal(known="a", targets="z")}
+    cgen.generate(
+        functions, tmp_path, name="two", box=box, beside=statements(functions, box, "two", "double", Work()).beside
+    )
+    changed(MANIFEST, of("certificate/proved/gt_two_f/ranges", lambda _: [[-2.0, 2.0]]))(tmp_path)
+    halves = [[[1.0], [1.5]], [[1.5], [2.0]]]
+    for starts, good in (([[1.07], [1.28]], True), ([[-1.16], [-1.36]], True), ([[1.07], [-1.36]], False)):
+        changed(FILE, of("functions/gt_two_f", lambda f, z=starts: {"boxes": halves, "starts": z}))(tmp_path)
+        _sign(tmp_path)
+        if good:
+            checker.main(tmp_path)
+        else:
+            with pytest.raises(checker.Refused, match="different solutions"):
+                checker.main(tmp_path)
+
+
 @pytest.mark.parametrize("what", TAMPERED_SIX)
 def test_the_checker_refuses_tampered_files_of_newtons_method(checker, six, tmp_path, what, monkeypatch):
     monkeypatch.setattr(importlib.import_module("check_newton"), "MOST", 6)

@@ -10,6 +10,7 @@ from mpmath import matrix, mp, mpf
 
 import gtmodel as gt
 from gtmodel.certify.intervals import Interval
+from gtmodel.certify.newton_form import NewtonProver
 from gtmodel.certify.tape import _lifted
 from gtmodel.certify.tube import Derivatives, Tube
 from gtmodel.cgen.newton_stages import evaluate_stages, stages
@@ -203,3 +204,113 @@ def test_all_statements_over_half_of_the_reach_of_six_links():
     s = gt.certify.study(f, slice_, moving=gt.certify.InputSpeed(speed={"T": 1.0}), regular=True, max_boxes=30_000)
     reach = len(reached) / len(T) * 4.8**2
     assert s.proved * 2.7 * 2.7 > 0.5 * reach and s.steps <= 4
+
+
+class TwoSolutions(gt.Model):
+    """z and about -z solve the equation, and no declared branch tells them apart."""
+
+    a = gt.variable(start=1.5)
+    z = gt.variable(start=1.2)
+
+    def equations(self):
+        yield self.z**2 + 0.1 * gt.sin(self.z) == self.a
+
+
+def test_boxes_with_different_solutions_are_not_proved_together(monkeypatch):
+    """Each box alone holds one solution, but code that follows one of them never meets the other."""
+    f = TwoSolutions().causal(known="a", targets="z")
+    assert len(f.kernels) == 1
+    right = gt.certify.study(f, {"a": [[0.1, 2.0]]}, max_boxes=50)
+    assert right.proved == 1.0 and right.boxes > 3
+    real = NewtonProver.solutions
+
+    def other(self, a):
+        z = -np.ones_like(a)
+        for _ in range(40):
+            z = -np.sqrt(a - 0.1 * np.sin(z))
+        return np.where(a < 1.0, real(self, a), z)
+
+    monkeypatch.setattr(NewtonProver, "solutions", other)
+    s = gt.certify.study(f, {"a": [[0.1, 2.0]]}, max_boxes=50)
+    assert not s.status.ok and s.undecided > 0
+    assert "undecided" in s.claims["exactly one solution in the region of the assembly mode"]
+
+
+def test_a_fold_is_never_proved():
+    """At a = -0.0025 about both solutions meet: boxes that touch the fold, hold it, or begin beside it."""
+    f = TwoSolutions().causal(known="a", targets="z")
+    z = -0.05  # 2 z + 0.1 cos z = 0 near here
+    for _ in range(20):
+        z -= (2 * z + 0.1 * np.cos(z)) / (2 - 0.1 * np.sin(z))
+    fold = z**2 + 0.1 * np.sin(z)
+    for low in (fold, np.nextafter(fold, 1.0), fold - 0.1):
+        s = gt.certify.study(f, {"a": [[low, 1.0]]}, max_boxes=300)
+        assert not s.status.ok and s.proved < 1.0
+    for around in (0.0, 1e-12):
+        s = gt.certify.study(f, {"a": [[fold - around, fold + around]]}, max_boxes=300)
+        assert s.proved < 1.0
+    assert gt.certify.study(f, {"a": [[fold + 0.01, 1.0]]}, max_boxes=300).proved == 1.0
+
+
+def _random_model(seed: int) -> gt.Model:
+    c = np.round(np.random.default_rng(seed).normal(size=8) * (0.1, 0.5, 1.5)[seed % 3], 2).tolist()
+
+    class Random(gt.Model):
+        a = gt.variable(2, start=[0.1, 0.2])
+        z = gt.variable(2, start=[0.1, 0.2])
+        y = gt.variable()
+
+        def equations(self):
+            z, a = self.z, self.a
+            yield z[0] + c[0] * gt.sin(z[1]) + c[1] * z[0] * z[1] + c[2] * z[0] ** 3 == a[0]
+            yield z[1] + c[3] * gt.cos(z[0]) + c[4] * z[0] ** 2 + c[5] * gt.exp(0.3 * z[0] * z[1]) == a[1]
+            yield self.y == gt.sqrt(2 + c[6] * z[0] * z[1]) + c[7] * a[0] * z[1]
+
+    return Random()
+
+
+@pytest.mark.parametrize("count", [8, pytest.param(150, marks=pytest.mark.proof)])
+def test_random_equations(count):
+    """The code of random equations follows its solution at the greatest speed, from answers as wrong as allowed; values
+    of fifty digits lie in the ranges, round-off and singular values within their bounds."""
+    proved = 0
+    for seed in range(count):
+        f = _random_model(seed).causal(known="a", targets=["z", "y"])
+        rng = np.random.default_rng(seed + 1000)
+        middle, half, speed = rng.uniform(-0.5, 0.5, 2), 10 ** rng.uniform(-4, 0, 2), 10 ** rng.uniform(-3, 2.5)
+        lo, hi = middle - half, middle + half
+        moving = gt.certify.InputSpeed(speed={"a": speed}, period=0.004)
+        box = {"a": np.stack([lo, hi], axis=1).tolist()}
+        s = gt.certify.study(f, box, moving=moving, regular=True, max_boxes=300)
+        if not s.status.ok:
+            continue
+        proved += 1
+        cut, kernel, points = stages(f, "x"), f.kernels[0], 8
+        residual, body = Exact(kernel.residual), Exact(cut.body)
+        now = lo + np.clip(rng.uniform(-0.1, 1.1, (points, 2)), 0, 1) * (hi - lo)
+        before = now + rng.choice([-1, 1], (points, 2)) * 0.004 * speed * (1 - 1e-12)
+        # follow the solution from the middle of the box, whose solution is that of the certificate
+        z, z_before = (np.tile(f.unknowns(middle[None])[0][0][0], (points, 1)) for _ in range(2))
+        for share in np.linspace(0, 1, 25)[1:]:
+            z = _corrected(kernel, z, middle + share * (now - middle))
+        z_before = z.copy()
+        for share in np.linspace(0, 1, 25)[1:]:
+            z_before = _corrected(kernel, z_before, now + share * (before - now))
+        start = z_before + rng.choice([-1, 1], z.shape) * 0.99e-9
+        values, status = evaluate_stages(cut, [now], start, f.sizes)
+        assert not status.any()
+        least = np.linalg.svd(f.jacobian(now)[0], compute_uv=False)[:, -1].min()
+        assert 0 < s.least_singular_value <= least * (1 + 1e-9) or np.abs(f.unknowns(now)[0][0] - z).max() > 1e-6
+        for k in range(points):
+            exact = body([*now[k], *solved(residual, z[k], now[k])])
+            for i, (name, bound) in enumerate(s.errors.items()):
+                low, high = s.ranges[name]
+                assert low <= exact[i] <= high and abs(exact[i] - mpf(values[k, i])) <= bound
+    assert proved > 0.3 * count
+
+
+def _corrected(kernel, z: np.ndarray, a: np.ndarray) -> np.ndarray:
+    for _ in range(3):
+        r, J = kernel._evaluate(z.T, a.T)[:2]
+        z = z - np.linalg.solve(J, np.asarray(r).T.reshape(len(z), -1, 1))[:, :, 0]
+    return z
