@@ -21,8 +21,7 @@ from typing import NamedTuple
 
 from flint import arb, ctx
 
-ctx.prec = 100
-MOST, LIBM_ULP = 400_000, 4  # boxes for one function; error of libm in units in the last place
+ctx.prec, MOST, LIBM_ULP = 100, 400_000, 4  # bits; boxes for one function; error of libm in units in the last place
 ARITHMETIC = {  # round-off, smallest and largest number
     "double": (arb(2) ** -53, arb(2) ** -1074, (2 - arb(2) ** -52) * arb(2) ** 1023),
     "float": (arb(2) ** -24, arb(2) ** -149, (2 - arb(2) ** -23) * arb(2) ** 127),
@@ -110,9 +109,8 @@ class Machine:
     """Evaluates the operations of one body over a box in one arithmetic."""
 
     def __init__(self, steps: list[tuple], sizes: list[int], real: str) -> None:
-        self.steps, self.real = steps, real
+        self.steps, self.real, (self.unit, self.tiny, self.largest) = steps, real, ARITHMETIC[real]
         self.firsts = [sum(sizes[:k]) for k in range(len(sizes))]
-        self.unit, self.tiny, self.largest = ARITHMETIC[real]
 
     def run(self, inputs: list[Value]) -> dict[tuple[int, int], Value]:
         """Return the results by (output, entry)."""
@@ -123,9 +121,8 @@ class Machine:
             elif op == "in":
                 work[target] = inputs[self.firsts[rest[0]] + rest[1]]
             elif op == "const":
-                number = arb(float(rest[0].rstrip("f")))  # the compiler rounds the text
-                e = arb(0) if self.real == "double" else abs(number) * self.unit + self.tiny
-                work[target] = Value(number, e, frozenset())
+                number, single = arb(float(rest[0].rstrip("f"))), int(self.real == "float")  # the compiler rounds it
+                work[target] = Value(number, single * (abs(number) * self.unit + self.tiny), frozenset())
             else:
                 given = [work[name] for name in rest]
                 x, carried, unit = self._applied(op, given, len(rest) == 2 and rest[0] == rest[1])
@@ -175,8 +172,7 @@ class Machine:
             x = a.x.abs_lower().union(a.x.abs_upper()) if op == "fabs" else -a.x
             return (2 * a.x, 2 * a.e, 0) if op == "twice" else (x, a.e, 0)
         pick = min if op == "fmin" else max
-        ends = [pick(a.x.lower(), b.x.lower()), pick(a.x.upper(), b.x.upper())]
-        return (ends[0].union(ends[1]), max(a.e, b.e), 0)
+        return (pick(a.x.lower(), b.x.lower()).union(pick(a.x.upper(), b.x.upper())), max(a.e, b.e), 0)
 
 
 def tiles(lo: list[float], hi: list[float], boxes: list[tuple[list[float], list[float]]]) -> bool:
@@ -216,8 +212,8 @@ def checked(symbol: str, entry: dict, stated: dict, steps: list[tuple], real: st
     waiting, whole = framed(symbol, entry, stated)
     sizes = [math.prod(m["shape"]) for m in entry["inputs"]]
     wanted = [(k, j) for k, m in enumerate(entry["outputs"]) for j in range(math.prod(m["shape"]))]
-    margins = [(len(entry["outputs"]), n) for n in range(len(entry["margins"]))]
-    if sorted(step[2:] for step in steps if step[0] == "out") != [*wanted, *margins]:
+    outputs = wanted + [(len(entry["outputs"]), n) for n in range(len(entry["margins"]))]
+    if sorted(step[2:] for step in steps if step[0] == "out") != outputs:
         raise Refused(f"{symbol}: the outputs of the body are not those of the manifest")
     machine, count, full = Machine(steps, sizes, real), 0, None
     if "least_singular_value" in stated:
@@ -273,8 +269,7 @@ def outside(results: dict, wanted: list[tuple[int, int]], stated: dict) -> froze
 
 
 def main(folder: Path) -> None:
-    manifest = json.loads((folder / "manifest.json").read_text())
-    certificate = json.loads((folder / "certificate.json").read_text())
+    manifest, certificate = (json.loads((folder / f"{x}.json").read_text()) for x in ("manifest", "certificate"))
     for file, expected in manifest["files"].items():
         if hashlib.sha256((folder / file).read_bytes()).hexdigest() != expected:
             raise Refused(f"{file} was changed since it was written")
@@ -282,10 +277,15 @@ def main(folder: Path) -> None:
     if hashlib.sha256(body.encode()).hexdigest() != certificate["body_sha256"] or not manifest["certificate"]["proved"]:
         raise Refused(f"the certificate is not one of this {certificate['body']}")
     bodies, entries = operations(body, manifest["real"]), {e["symbol"]: e for e in manifest["functions"]}
+    wrapper, limits = (folder / f"gt_{manifest['name']}.c").read_text(), [manifest["pivot_tolerance"]]
+    limits += [m["scale"] for e in entries.values() for m in e["margins"]]
+    for x in map(float, re.findall(r"GT_PIVOT_TOLERANCE (?:\* |\()([-+.\de]+)", wrapper)):
+        if not any(abs(x - y) <= 1e-6 * x for y in limits):
+            raise Refused(f"the manifest lacks the limit {x} of the code")
     for symbol, stated in manifest["certificate"]["proved"].items():
         known = symbol, entries[symbol], stated | certificate["functions"][symbol]
         if "state" in entries[symbol]:
-            texts = [(folder / file).read_text() for file in (f"gt_{manifest['name']}.c", "gt_newton.h")]
+            texts = [wrapper, (folder / "gt_newton.h").read_text()]
             count = import_module("check_newton").checked(*known, bodies, texts, manifest["pivot_tolerance"])
         else:
             count = checked(*known, bodies[f"{symbol}_body"], manifest["real"], manifest["pivot_tolerance"])

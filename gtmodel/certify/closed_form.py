@@ -173,7 +173,8 @@ class ClosedFormProver:
             np.where(np.isnan(values[c.output]), -1, c.states(values[c.output], values[c.output])) for c in self.rows
         ]
         finite = np.where(np.isfinite(values[: self.targets]).all(axis=0), 1, -1)
-        small = np.where(self.sizes.within([self.real.array(c) for c in columns]), 1, -1)
+        with np.errstate(over="ignore"):
+            small = np.where(self.sizes.within([self.real.array(c) for c in columns]), 1, -1)
         states = np.array([small, *rows, finite])
         return states if self._jacobian is None else np.vstack([states, np.zeros((1, points.shape[1]), dtype=int)])
 

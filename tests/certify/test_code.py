@@ -139,6 +139,8 @@ TAMPERED: dict[str, Callable[[Path], None]] = {
     "a pivot must be larger": changed(MANIFEST, of("functions/1/margins/1/scale", lambda s: 1e10 * s)),
     "the manifest lacks a margin": changed(MANIFEST, of("functions/0/margins", lambda m: m[:-1])),
     "an input must be smaller": changed(MANIFEST, of("functions/0/limits/T", lambda s: 0.1)),
+    "pivots may be smaller": changed(MANIFEST, of("pivot_tolerance", lambda x: 0.0)),
+    "a pivot may be zero": changed(MANIFEST, of("functions/1/margins/1/scale", lambda s: 0.0)),
     "an output has no bound": changed(MANIFEST, of(f"{IK}/errors", lambda e: e[1:])),
     "nothing is stated": changed(MANIFEST, of("certificate/proved", lambda f: {})),
 }  # fmt: skip
