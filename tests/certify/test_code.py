@@ -255,3 +255,28 @@ def test_what_is_not_proved_is_a_failed_check_or_left_out_with_the_reason():
     fast = InputSpeed(speed={"T": 99.0})
     made = statements({"six": six}, {"T": [[c, c] for c in MIDDLE]}, "d1", "double", Work(), fast)
     assert not made.checks["certified_six"].passed and not made.functions
+
+
+UNARY = ["neg", "twice", "sq", "inverse", "sqrt", "sin", "cos", "tanh", "atan", "asin", "acos", "fabs"]
+
+
+@pytest.mark.parametrize("op", [*UNARY, "+", "-", "*", "/", "atan2", "fmin", "fmax"])
+def test_derivatives_of_the_checker_are_those_of_differences(checker, op):
+    """Of op(x y, x - 0.3 y) or op(x y), by differences of 1e-9 with a hundred bits; third derivatives reach 1e4."""
+    d = importlib.import_module("check_derivatives")
+    steps = [("in", "x", 0, 0), ("in", "y", 0, 1), ("const", "c", "0.3"), ("*", "p", "x", "y"), ("*", "s", "c", "y"),
+             ("-", "q", "x", "s"), (op, "r", "p", *([] if op in UNARY else ["q"])), ("out", "r", 0, 0)]  # fmt: skip
+    body, arb = d.Derivatives(steps, True), d.arb
+    step = arb("1e-9")
+
+    def at(x, y):
+        return body.run([[d.Jet(x, {0: arb(1)}, {}), d.Jet(y, {1: arb(1)}, {})]], 2)[0, 0]
+
+    for x, y in ((arb("0.4"), arb("0.9")), (arb("0.7"), arb("0.2"))):
+        here, right, up = at(x, y), at(x + step, y), at(x, y + step)
+        none = arb(0)
+        for k, there in ((0, right), (1, up)):
+            assert abs((there.x - here.x) / step - here.g.get(k, none)) < 1e-4
+            for j in range(2):
+                change = (there.g.get(j, none) - here.g.get(j, none)) / step
+                assert abs(change - here.h.get((min(j, k), max(j, k)), none)) < 1e-4
