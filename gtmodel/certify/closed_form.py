@@ -105,8 +105,8 @@ class ClosedFormProver:
             at, slopes, way = self._curved.parts(lo[:, rest], hi[:, rest])
             shape = (self.tape.inputs, self.targets, self.tape.inputs, -1)
             second = Interval(*(x.reshape(shape).transpose(3, 1, 0, 2) for x in slopes))
-            found = least_singular_value(self._matrices(at.lo, at.hi), second, way)
-            least[rest] = np.fmax(least[rest], found)
+            sharper = least_singular_value(self._matrices(at.lo, at.hi), second, way)
+            least[rest] = np.fmax(least[rest], sharper)
         return least
 
     def _matrices(self, lo: Array, hi: Array) -> Interval:

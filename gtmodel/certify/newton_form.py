@@ -25,7 +25,7 @@ from .regularity import along, least_singular_value, product
 from .rounding import DOUBLE, GROWN
 from .subdivision import SHORTEST, Decision, Leaves, common_faces
 from .tape import IntervalTape, MeanValue
-from .tube import Derivatives, Surroundings, Tube
+from .tube import KernelDerivatives, Surroundings, Tube
 
 ONE = Claim(SOLVED, "exactly one solution in the region of the assembly mode")
 REACHED = Claim(SOLVED, "Newton's method of the code reaches it from the answer of the last cycle")
@@ -59,7 +59,7 @@ class NewtonProver:
         self.inputs, self.unknowns = sum(s.size for s in function.inputs), len(self.scale)
         self.targets = sum(s.size for s in function.outputs)
         self.limit, self.least = 1.0 / np.asarray(stage.largest), stage.least
-        self._derivatives = Derivatives(self._kernel)
+        self._derivatives = KernelDerivatives(self._kernel)
         self._prepare, self._step = IntervalTape(stage.prepare), IntervalTape(stage.kernel)
         self._constants = stage.constants
         self._body = IntervalTape(cut.body)

@@ -21,7 +21,7 @@ ATTEMPTS = 3
 _FLOOR = 1e-13  # least half width of a tube in nominals: round-off of the midpoint
 
 
-class Derivatives:
+class KernelDerivatives:
     """Residual and first and second derivatives of a Newton block, by unknowns (m) and inputs (k)."""
 
     def __init__(self, kernel: NewtonKernel) -> None:
@@ -58,7 +58,7 @@ class Tube:
     """Tubes around solutions z0 (m, n) at the midpoints of boxes lo, hi (k, n), and where they hold exactly one
     solution for every input: `proved` (n,). w: half widths (m, n), NaN elsewhere; z: their hull."""
 
-    def __init__(self, derivatives: Derivatives, scale: Array, z0: Array, lo: Array, hi: Array) -> None:
+    def __init__(self, derivatives: KernelDerivatives, scale: Array, z0: Array, lo: Array, hi: Array) -> None:
         self._derivatives, self.scale, self.centre, self.lo, self.hi = derivatives, scale, z0, lo, hi
         self.middle, self.way = about(lo, hi)
         m, n = z0.shape

@@ -12,7 +12,7 @@ import gtmodel as gt
 from gtmodel.certify.intervals import Interval
 from gtmodel.certify.newton_form import NewtonProver
 from gtmodel.certify.tape import _lifted
-from gtmodel.certify.tube import Derivatives, Tube
+from gtmodel.certify.tube import KernelDerivatives, Tube
 from gtmodel.cgen.newton_stages import evaluate_stages, stages
 from gtmodel.results import ArgumentError
 from tests.certify.exact import Exact
@@ -90,7 +90,7 @@ def test_a_box_beyond_the_reach_is_not_proved():
     assert s.proved < 1.0 and s.claims["status OK at the solution"] != "proved"
 
 
-def _slopes_outside(d: Derivatives, z: np.ndarray, a: np.ndarray) -> int:
+def _slopes_outside(d: KernelDerivatives, z: np.ndarray, a: np.ndarray) -> int:
     """How many first and second derivatives of the residual, as differences of fifty digits, lie outside their
     enclosures: the first at a point, the second over a box around it."""
     first = d.at(z[:, None], a[:, None])[1]
@@ -115,7 +115,7 @@ def _slopes_outside(d: Derivatives, z: np.ndarray, a: np.ndarray) -> int:
 
 def test_a_wrong_sign_in_a_jacobian_is_found(monkeypatch):
     f = six_links()
-    d = Derivatives(f.kernels[0])
+    d = KernelDerivatives(f.kernels[0])
     z = f.unknowns(MIDDLE[None])[0][0][0]
     assert _slopes_outside(d, z, MIDDLE) == 0
     real = d.first.over
@@ -135,7 +135,7 @@ def test_solutions_of_fifty_digits_lie_in_the_tube_and_turn_as_it_says():
     f = six_links()
     kernel = f.kernels[0]
     lo, hi = MIDDLE[:, None] - 0.03, MIDDLE[:, None] + 0.03
-    tube = Tube(Derivatives(kernel), np.asarray(kernel.scale), f.unknowns(MIDDLE[None])[0][0].T, lo, hi)
+    tube = Tube(KernelDerivatives(kernel), np.asarray(kernel.scale), f.unknowns(MIDDLE[None])[0][0].T, lo, hi)
     assert tube.proved.all()
     slopes, residual = tube.around(np.zeros(1)).derivative(), Exact(kernel.residual)
     rng = np.random.default_rng(4)
