@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Checks certificate.json of this folder again: python3 check_certificate.py
 
-Needs only Python and python-flint (pip install python-flint). It knows nothing of gtmodel: it reads the operations from
-the text of the C bodies and evaluates them in ball arithmetic (Arb) over boxes, with an error bound of every operation.
-Exit code 0 if every statement holds at every point of its box, else 1 with the reason. Assumed: IEEE 754 arithmetic
-rounded to nearest with denormal numbers, -ffp-contract=off, libm within 4 units in the last place.
+Needs only Python and python-flint. It knows nothing of gtmodel: it reads the operations from the text of the C bodies
+and evaluates them in ball arithmetic (Arb) over boxes, with an error bound of every operation. Exit code 0 if every
+statement holds at every point of its box, else 1 with the reason. Assumed: IEEE 754 arithmetic rounded to nearest with
+denormal numbers, -ffp-contract=off, libm within 4 units in the last place.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ import json
 import math
 import re
 import sys
+from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
 from flint import arb, ctx
 
-ctx.prec = 100
-MOST = 400_000  # boxes for one function
-LIBM_ULP = 4
+ctx.prec, MOST, LIBM_ULP = 100, 400_000, 4  # bits; boxes for one function; error of libm in units in the last place
 ARITHMETIC = {  # round-off, smallest and largest number
     "double": (arb(2) ** -53, arb(2) ** -1074, (2 - arb(2) ** -52) * arb(2) ** 1023),
     "float": (arb(2) ** -24, arb(2) ** -149, (2 - arb(2) ** -23) * arb(2) ** 127),
@@ -52,7 +52,7 @@ class Refused(Exception):
 
 
 class Undecided(Exception):
-    """An operation that may be undefined over this box: the box is cut."""
+    """A statement is open over this box, perhaps since an operation may be undefined: the box is cut."""
 
 
 def operations(text: str, real: str) -> dict[str, list[tuple]]:
@@ -78,6 +78,8 @@ def _read(symbol: str, body: str) -> list[tuple]:
             steps.append(("out", m[3], int(m[1]), int(m[2])))
         elif m := _CONSTANT.fullmatch(line):
             steps.append(("const", m[1], m[2]))
+        elif line == "  if (res[1] == 0) { return 0; }":  # of a kernel, whose residual must come before
+            steps.append(("const", "stop", "0.0"))
         elif found := [(op, *m.groups()) for op, pattern in _UNARY.items() if (m := pattern.fullmatch(line))]:
             steps.append(found[0])
         elif m := _BINARY.fullmatch(line):
@@ -97,42 +99,30 @@ class Value(NamedTuple):
     depends: frozenset[int]
 
 
-def _product(x: arb, y: arb) -> arb:
-    ends = [a * b for a in (x.lower(), x.upper()) for b in (y.lower(), y.upper())]
+def _corners(f: Callable[[arb, arb], arb], x: arb, y: arb) -> arb:
+    """Return the hull of f at the corners, which holds all values of a product or of an angle."""
+    ends = [f(a, b) for a in (x.lower(), x.upper()) for b in (y.lower(), y.upper())]
     return ends[0].union(ends[1]).union(ends[2]).union(ends[3])
-
-
-def _away(y: arb, e: arb) -> arb:
-    """Return a lower bound of |computed y|, which must be positive."""
-    least = (y.abs_lower() - e).lower()
-    if not least > 0:
-        raise Undecided
-    return least
 
 
 class Machine:
     """Evaluates the operations of one body over a box in one arithmetic."""
 
     def __init__(self, steps: list[tuple], sizes: list[int], real: str) -> None:
-        self.steps, self.real = steps, real
+        self.steps, self.real, (self.unit, self.tiny, self.largest) = steps, real, ARITHMETIC[real]
         self.firsts = [sum(sizes[:k]) for k in range(len(sizes))]
-        self.unit, self.tiny, self.largest = ARITHMETIC[real]
 
-    def run(self, lo: list[float], hi: list[float]) -> dict[tuple[int, int], Value]:
+    def run(self, inputs: list[Value]) -> dict[tuple[int, int], Value]:
         """Return the results by (output, entry)."""
-        work: dict[str, Value] = {}
-        results: dict[tuple[int, int], Value] = {}
+        work, results = dict[str, Value](), dict[tuple[int, int], Value]()
         for op, target, *rest in self.steps:
             if op == "out":
                 results[rest[0], rest[1]] = work[target]
             elif op == "in":
-                k = self.firsts[rest[0]] + rest[1]
-                work[target] = Value(arb(lo[k]).union(arb(hi[k])), arb(0), frozenset([k]))
+                work[target] = inputs[self.firsts[rest[0]] + rest[1]]
             elif op == "const":
-                # the compiler rounds the text; a text of the shortest digits is the number itself up to that
-                number = arb(float(rest[0].rstrip("f")))
-                e = arb(0) if self.real == "double" else abs(number) * self.unit + self.tiny
-                work[target] = Value(number, e, frozenset())
+                number, single = arb(float(rest[0].rstrip("f"))), int(self.real == "float")  # the compiler rounds it
+                work[target] = Value(number, single * (abs(number) * self.unit + self.tiny), frozenset())
             else:
                 given = [work[name] for name in rest]
                 x, carried, unit = self._applied(op, given, len(rest) == 2 and rest[0] == rest[1])
@@ -145,60 +135,44 @@ class Machine:
 
     def _applied(self, op: str, given: list[Value], same: bool) -> tuple[arb, arb, arb | int]:
         """Return the exact result, the error carried by the operands, and the round-off of the operation."""
-        a, b = given[0], given[-1]
-        u, libm = self.unit, 2 * LIBM_ULP * self.unit
-        if op == "+":
-            return (a.x + b.x, a.e + b.e, u)
-        if op == "-":
-            return (a.x - b.x, a.e + b.e, u)
+        a, b, u, libm = given[0], given[-1], self.unit, 2 * LIBM_ULP * self.unit
+        if op in ("+", "-"):
+            return (a.x + b.x if op == "+" else a.x - b.x, a.e + b.e, u)
         if op == "sq" or (op == "*" and same):
             return ((a.x.abs_lower() ** 2).union(a.x.abs_upper() ** 2), a.e * (2 * a.x.abs_upper() + a.e), u)
         if op == "*":
-            return (_product(a.x, b.x), a.x.abs_upper() * b.e + b.x.abs_upper() * a.e + a.e * b.e, u)
-        if op == "/":
-            least = _away(b.x, b.e)
-            x = _product(a.x, (1 / b.x.lower()).union(1 / b.x.upper()))
-            return (x, (a.e + x.abs_upper() * b.e) / least, u)
-        if op == "inverse":
-            least = _away(a.x, a.e)
-            x = (1 / a.x.lower()).union(1 / a.x.upper())
-            return (x, x.abs_upper() * a.e / least, u)
+            return (_corners(arb.__mul__, a.x, b.x), a.x.abs_upper() * b.e + b.x.abs_upper() * a.e + a.e * b.e, u)
+        if op in ("/", "inverse"):
+            least = (b.x.abs_lower() - b.e).lower()
+            if not least > 0:
+                raise Undecided
+            over = (1 / b.x.lower()).union(1 / b.x.upper())
+            x, e = (_corners(arb.__mul__, a.x, over), a.e) if op == "/" else (over, arb(0))
+            return (x, (e + x.abs_upper() * b.e) / least, u)
         if op == "sqrt":
-            if not (a.x.lower() - a.e).lower() >= 0:
+            x, least = a.x.lower().sqrt().union(a.x.upper().sqrt()), (a.x.lower() - a.e).lower()
+            if not least >= 0 or not (a.e == 0 or (least.sqrt() + x.lower()).lower() > 0):
                 raise Undecided
-            x = a.x.lower().sqrt().union(a.x.upper().sqrt())
-            if a.e == 0:
-                return (x, arb(0), u)
-            below = ((a.x.lower() - a.e).lower().sqrt() + x.lower()).lower()
-            if not below > 0:
-                raise Undecided
-            return (x, a.e / below, u)
+            return (x, arb(0) if a.e == 0 else a.e / (least.sqrt() + x.lower()).lower(), u)
         if op in ("sin", "cos"):
-            return ((arb.sin if op == "sin" else arb.cos)(a.x), a.e, libm)
-        if op in ("tanh", "atan"):
-            f = arb.tanh if op == "tanh" else arb.atan
-            return (f(a.x.lower()).union(f(a.x.upper())), a.e, libm)
-        if op in ("asin", "acos"):
-            most = (a.x.abs_upper() + a.e).upper()
-            if not most < 1:
+            return (getattr(arb, op)(a.x), a.e, libm)
+        if op in ("tanh", "atan", "asin", "acos"):
+            f, most = getattr(arb, op), (a.x.abs_upper() + a.e).upper()
+            if op[1:] in ("sin", "cos") and not most < 1:
                 raise Undecided
-            f = arb.asin if op == "asin" else arb.acos
-            return (f(a.x.lower()).union(f(a.x.upper())), a.e / (1 - most**2).sqrt(), libm)
+            e = a.e / (1 - most**2).sqrt() if op[1:] in ("sin", "cos") else a.e
+            return (f(a.x.lower()).union(f(a.x.upper())), e, libm)
         if op == "atan2":
             y, x = ((g.x.lower() - g.e).union(g.x.upper() + g.e) for g in (a, b))
             if not (x.lower() > 0 or y.lower() > 0 or y.upper() < 0):
                 raise Undecided
-            ends = [arb.atan2(p, q) for p in (a.x.lower(), a.x.upper()) for q in (b.x.lower(), b.x.upper())]
             near = (x.abs_lower() ** 2 + y.abs_lower() ** 2).sqrt().lower()
-            angle = ends[0].union(ends[1]).union(ends[2]).union(ends[3])
-            return (angle, (a.e + b.e) / near, libm)
-        if op in ("twice", "neg"):
-            return (2 * a.x, 2 * a.e, 0) if op == "twice" else (-a.x, a.e, 0)
-        if op == "fabs":
-            return (a.x.abs_lower().union(a.x.abs_upper()), a.e, 0)
+            return (_corners(arb.atan2, a.x, b.x), (a.e + b.e) / near, libm)
+        if op in ("twice", "neg", "fabs"):
+            x = a.x.abs_lower().union(a.x.abs_upper()) if op == "fabs" else -a.x
+            return (2 * a.x, 2 * a.e, 0) if op == "twice" else (x, a.e, 0)
         pick = min if op == "fmin" else max
-        ends = [pick(a.x.lower(), b.x.lower()), pick(a.x.upper(), b.x.upper())]
-        return (ends[0].union(ends[1]), max(a.e, b.e), 0)
+        return (pick(a.x.lower(), b.x.lower()).union(pick(a.x.upper(), b.x.upper())), max(a.e, b.e), 0)
 
 
 def tiles(lo: list[float], hi: list[float], boxes: list[tuple[list[float], list[float]]]) -> bool:
@@ -220,54 +194,73 @@ def tiles(lo: list[float], hi: list[float], boxes: list[tuple[list[float], list[
     return True
 
 
-def checked(symbol: str, entry: dict, stated: dict, machine: Machine, tolerance: float) -> int:
-    """Check one function and return the number of boxes. Raises Refused."""
-    names = [m["signal"] for m in entry["inputs"]]
-    lo, hi = ([float(pair[k]) for name in names for pair in entry["box"][name]] for k in (0, 1))
+def framed(symbol: str, entry: dict, stated: dict) -> tuple[list, list[float]]:
+    """Return the boxes of a statement, which fill the box of the manifest, and its widths. Raises Refused."""
+    pairs = [(m["signal"], *pair) for m in entry["inputs"] for pair in entry["box"][m["signal"]]]
+    lo, hi = ([float(pair[k]) for pair in pairs] for k in (1, 2))
     boxes = [([float(x) for x in a], [float(x) for x in b]) for a, b in stated["boxes"]]
-    if not tiles(lo, hi, boxes):
-        raise Refused(f"{symbol}: the boxes do not fill the box of the manifest")
-    sizes = sum((max(abs(a), abs(b)) / entry["limits"][name]) ** 2 for name in names for a, b in entry["box"][name])
-    if not sizes * (1 + 1e-6) <= 1:
-        raise Refused(f"{symbol}: inputs of the box exceed their limits")
-    wanted = [(k, j) for k, m in enumerate(entry["outputs"]) for j in range(math.prod(m["shape"]))]
-    results = [step[2:] for step in machine.steps if step[0] == "out"]
-    margins = [(len(entry["outputs"]), n) for n in range(len(entry["margins"]))]
-    if not len(wanted) == len(stated["errors"]) == len(stated["ranges"]) or sorted(results) != [*wanted, *margins]:
+    sizes = sum((max(abs(a), abs(b)) / entry["limits"][name]) ** 2 for name, a, b in pairs)
+    if not tiles(lo, hi, boxes) or not sizes * (1 + 1e-6) <= 1:
+        raise Refused(f"{symbol}: the boxes do not fill the box of the manifest, or exceed the limits of the inputs")
+    if not sum(math.prod(m["shape"]) for m in entry["outputs"]) == len(stated["errors"]) == len(stated["ranges"]):
         raise Refused(f"{symbol}: statements and manifest do not fit the outputs")
-    count, waiting, whole = 0, list(boxes), [b - a for a, b in zip(lo, hi, strict=True)]
+    return boxes, [b - a for a, b in zip(lo, hi, strict=True)]
+
+
+def checked(symbol: str, entry: dict, stated: dict, steps: list[tuple], real: str, tolerance: float) -> int:
+    """Check a closed form and return the number of boxes. Raises Refused."""
+    waiting, whole = framed(symbol, entry, stated)
+    sizes = [math.prod(m["shape"]) for m in entry["inputs"]]
+    wanted = [(k, j) for k, m in enumerate(entry["outputs"]) for j in range(math.prod(m["shape"]))]
+    outputs = wanted + [(len(entry["outputs"]), n) for n in range(len(entry["margins"]))]
+    if sorted(step[2:] for step in steps if step[0] == "out") != outputs:
+        raise Refused(f"{symbol}: the outputs of the body are not those of the manifest")
+    machine, count, full = Machine(steps, sizes, real), 0, None
+    if "least_singular_value" in stated:
+        full = import_module("check_derivatives").ClosedForm(steps, sizes, wanted, stated["least_singular_value"]).full
     while waiting:
         a, b = waiting.pop()
         count += 1
-        if count > MOST:
-            raise Refused(f"{symbol}: not decided with {MOST} boxes, last {a} to {b}")
         depends = _open(machine, entry, stated, wanted, tolerance, a, b)
-        if depends is None:
+        if depends is None and (full is None or full(a, b)):
             continue
-        sides = [k for k in range(len(a)) if b[k] > a[k] and (k in depends or not depends)]
-        if not sides:
-            raise Refused(f"{symbol}: a statement does not hold at {a}")
-        k = max(sides, key=lambda k: (b[k] - a[k]) / whole[k])
-        middle = a[k] + 0.5 * (b[k] - a[k])
-        if not a[k] < middle < b[k] or (b[k] - a[k]) < 1e-9 * whole[k]:
-            raise Refused(f"{symbol}: a statement does not hold near {a}")
-        waiting += [(a, [*b[:k], middle, *b[k + 1 :]]), ([*a[:k], middle, *a[k + 1 :]], b)]
+        if count == MOST:
+            raise Refused(f"{symbol}: not decided with {MOST} boxes, last {a} to {b}")
+        waiting += halves(symbol, a, b, whole, depends)
     return count
+
+
+def halves(symbol: str, a: list[float], b: list[float], whole: list[float], sides: frozenset[int] | None) -> list:
+    """Return the halves of a box along the widest one of the sides, or of all."""
+    k = max(sides or range(len(a)), key=lambda k: (b[k] - a[k]) / (whole[k] or 1.0))
+    middle = a[k] + 0.5 * (b[k] - a[k])
+    if not a[k] < middle < b[k] or (b[k] - a[k]) < 1e-9 * whole[k]:
+        raise Refused(f"{symbol}: a statement does not hold near {a}")
+    return [(a, [*b[:k], middle, *b[k + 1 :]]), ([*a[:k], middle, *a[k + 1 :]], b)]
 
 
 def _open(machine, entry, stated, wanted, tolerance, a, b) -> frozenset[int] | None:
     """Return the inputs that an open statement depends on, empty if unknown; None if all statements hold."""
+    given = [Value(arb(p).union(arb(q)), arb(0), frozenset([k])) for k, (p, q) in enumerate(zip(a, b, strict=True))]
     try:
-        results = machine.run(a, b)
+        results = machine.run(given)
     except Undecided:
         return frozenset()
     for n, m in enumerate(entry["margins"]):
-        v = results[len(entry["outputs"]), n]
-        least = arb(tolerance) * arb(float(m["scale"])) * (1 + arb(2) ** -20)
-        low, high = (v.x.lower() - v.e).lower(), (v.x.upper() + v.e).upper()
-        good = low > least or (m["kind"] == "pivot" and high < -least) if m["kind"] in ("pivot", "branch") else low >= 0
-        if not good:
+        if not passes(v := results[len(entry["outputs"]), n], m["kind"], float(m["scale"]), tolerance):
             return v.depends
+    return outside(results, wanted, stated)
+
+
+def passes(v: Value, kind: str, scale: float, tolerance: float) -> bool:
+    """Return whether the test of a margin in the code is passed."""
+    least = arb(tolerance) * arb(scale) * (1 + arb(2) ** -20)
+    low, high = (v.x.lower() - v.e).lower(), (v.x.upper() + v.e).upper()
+    return low > least or (kind == "pivot" and high < -least) if kind in ("pivot", "branch") else low >= 0
+
+
+def outside(results: dict, wanted: list[tuple[int, int]], stated: dict) -> frozenset[int] | None:
+    """Return the inputs of an output that may leave its range or exceed its error, or None."""
     for place, error, (low, high) in zip(wanted, stated["errors"], stated["ranges"], strict=True):
         v = results[place]
         if not (v.e <= arb(error) and v.x.lower() >= arb(low) and v.x.upper() <= arb(high)):
@@ -276,25 +269,32 @@ def _open(machine, entry, stated, wanted, tolerance, a, b) -> frozenset[int] | N
 
 
 def main(folder: Path) -> None:
-    manifest = json.loads((folder / "manifest.json").read_text())
-    certificate = json.loads((folder / "certificate.json").read_text())
+    manifest, certificate = (json.loads((folder / f"{x}.json").read_text()) for x in ("manifest", "certificate"))
     for file, expected in manifest["files"].items():
         if hashlib.sha256((folder / file).read_bytes()).hexdigest() != expected:
             raise Refused(f"{file} was changed since it was written")
     body = (folder / certificate["body"]).read_text()
-    if hashlib.sha256(body.encode()).hexdigest() != certificate["body_sha256"] or not certificate["functions"]:
+    if hashlib.sha256(body.encode()).hexdigest() != certificate["body_sha256"] or not manifest["certificate"]["proved"]:
         raise Refused(f"the certificate is not one of this {certificate['body']}")
     bodies, entries = operations(body, manifest["real"]), {e["symbol"]: e for e in manifest["functions"]}
-    for symbol, stated in certificate["functions"].items():
-        entry = entries[symbol]
-        machine = Machine(bodies[f"{symbol}_body"], [math.prod(m["shape"]) for m in entry["inputs"]], manifest["real"])
-        count = checked(symbol, entry, stated, machine, manifest["pivot_tolerance"])
+    wrapper, limits = (folder / f"gt_{manifest['name']}.c").read_text(), [manifest["pivot_tolerance"]]
+    limits += [m["scale"] for e in entries.values() for m in e["margins"]]
+    for x in map(float, re.findall(r"GT_PIVOT_TOLERANCE (?:\* |\()([-+.\de]+)", wrapper)):
+        if not any(abs(x - y) <= 1e-6 * x for y in limits):
+            raise Refused(f"the manifest lacks the limit {x} of the code")
+    for symbol, stated in manifest["certificate"]["proved"].items():
+        known = symbol, entries[symbol], stated | certificate["functions"][symbol]
+        if "state" in entries[symbol]:
+            texts = [wrapper, (folder / "gt_newton.h").read_text()]
+            count = import_module("check_newton").checked(*known, bodies, texts, manifest["pivot_tolerance"])
+        else:
+            count = checked(*known, bodies[f"{symbol}_body"], manifest["real"], manifest["pivot_tolerance"])
         print(f"{symbol}: proved in {count} boxes")
 
 
 if __name__ == "__main__":
+    sys.modules["check_certificate"] = sys.modules["__main__"]  # for the other parts
     try:
         main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parent)
     except (Refused, ArithmeticError, LookupError, TypeError, ValueError, OSError) as error:
-        print(f"refused: {error}")
-        sys.exit(1)
+        sys.exit(f"refused: {error}")

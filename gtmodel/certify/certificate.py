@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -46,6 +47,7 @@ class BoxCertificate(Study):
     ]
     scale: Annotated[float | None, "size of the proved box relative to the given one; null if it was not to shrink"]
     box: Annotated[Mapping[str, Sequence[float]], "least and greatest value of each input [SI]"]
+    cuts: Annotated[str, "how the box was halved, from which a stopped proof continues"]
     real: Annotated[str, "number type of the code whose status is proved"]
     assumptions: Annotated[Sequence[str], "what the proof assumes, in sentences"]
 
@@ -53,7 +55,7 @@ class BoxCertificate(Study):
     def rows(self) -> list[Row]:
         """The printed table."""
         rows = [
-            Row("proved", 100 * self.proved, "%"),
+            Row("proved", math.floor(1e6 * self.proved) / 1e4, "%"),  # 100 only if all is proved
             Row("refuted", 100 * self.refuted, "%"),
             Row("undecided", 100 * self.undecided, "%"),
             Row("boxes examined", self.boxes),

@@ -19,8 +19,8 @@ from .certificate import PROVED, REFUTED, UNDECIDED, WORDS, BoxCertificate, Inpu
 from .claims import REGULAR, SOLVED, STATUS, Claim, bound_claims, entries
 from .closed_form import ClosedFormProver
 from .intervals import LIBM_ULP, Array
-from .newton_form import NewtonProver
-from .subdivision import Leaves, subdivide
+from .newton_form import ANSWER, NewtonProver
+from .subdivision import Leaves, least_singular, subdivide
 
 ASSUMPTIONS = (
     "IEEE 754 arithmetic, rounded to nearest, with denormal numbers: no -ffast-math, no flush to zero, no contraction "
@@ -32,6 +32,7 @@ ASSUMPTIONS = (
 )
 PROVED_ALL = "proved at every point of the box"
 RESOLUTION = 0.01  # of the size of the largest box
+SHARPENING = 200  # boxes spent on a sharper bound of the smallest singular value
 
 
 @study_function
@@ -45,6 +46,7 @@ def study(
     around: Mapping[str, Sequence[float] | float] | None = None,
     real: Literal["double", "float"] = "double",
     max_boxes: Annotated[int, Within(least=1)] = 100_000,
+    cuts: str = "",
     **work_options: Unpack[WorkOptions],
 ) -> BoxCertificate:
     """Prove that a function has a solution at every point of a box, and bound the errors of its code there.
@@ -62,7 +64,9 @@ def study(
             return the largest one, to 1 % of the size of `box`.
         real: number type of the code whose status is proved.
         max_boxes: largest number of boxes to examine.
-        title, progress, max_seconds, stop: see `gtmodel.results.Work`.
+        cuts: `cuts` of an earlier result of the same proof that was stopped, to continue it: the boxes that it kept are
+            judged again, not those that it halved.
+        title, progress, max_seconds, stop, workers, executor: see `gtmodel.results.Work`.
 
     The status is CHECK_FAILED unless all is proved in the whole box. What was refuted is named with a point that was
     evaluated; what stays open is undecided, with its share of the volume. Nothing rests on samples. Raises
@@ -80,10 +84,9 @@ def study(
     claims = bound_claims(function, bounds or {})
     prover: ClosedFormProver | NewtonProver
     if function.kernels:
-        if regular or real != "double":
-            argument = "regular" if regular else "real"
-            raise ArgumentError(f"{function.name} has a Newton block; {argument} is for closed forms", argument)
-        prover = NewtonProver(function, claims, None if moving is None else _away(function, moving))
+        if real != "double":
+            raise ArgumentError(f"{function.name} has a Newton block, whose proofs are in double; leave it out", "real")
+        prover = NewtonProver(function, claims, None if moving is None else _away(function, moving), regular)
     else:
         if moving is not None:
             raise ArgumentError(f"{function.name} is a closed form, which has no last answer; leave it out", "moving")
@@ -94,7 +97,10 @@ def study(
         return not work.interrupted()
 
     if around is None:
-        return _study_of(prover, subdivide(prover, lo, hi, max_boxes, going), lo, hi, work, None)
+        leaves = subdivide(prover, lo, hi, max_boxes, going, cuts=cuts)
+        return _study_of(prover, leaves, lo, hi, work, None)
+    if cuts:
+        raise ArgumentError("the search for the largest box begins anew; leave out the earlier result", "cuts")
     centre = _point(function, around, lo, hi)
     leaves, scale = _largest(prover, centre, lo, hi, max_boxes, going)
     return _study_of(prover, leaves, centre + scale * (lo - centre), centre + scale * (hi - centre), work, scale)
@@ -167,9 +173,9 @@ def _study_of(
     claims, points = _claims(prover, leaves, names, turned)
     least = steps = None
     if isinstance(prover, NewtonProver):
-        steps = int(leaves.worst[-1, good].max()) if prover.away is not None and good.any() else None
-    elif prover.regular and good.any():
-        least = float(-leaves.worst[0, good].max())
+        steps = int(leaves.worst[-2, good].max()) if prover.away is not None and good.any() else None
+    if prover.regular and good.any():
+        least = least_singular(prover, leaves, good, SHARPENING)
     open_ = next((f"{name}: {word}" for name, word in [*claims.items()][1:] if word != WORDS[PROVED]), "")
     advice = f"{open_}; use a smaller box" + ("" if points else ", or a larger max_boxes")
     stopped = not leaves.complete
@@ -182,11 +188,23 @@ def _study_of(
         claims=claims, counter_examples=points,
         errors=dict(zip(targets, errors, strict=True)), float_errors=dict(zip(targets, single, strict=True)),
         ranges=dict(zip(targets, ranges, strict=True)), least_singular_value=least, steps=steps, scale=scale,
+        cuts=leaves.cuts, notes=_notes(prover),
         box={n: [float(a), float(b)] for n, a, b in zip(names, lo, hi, strict=True)},
         real=prover.real.name, assumptions=ASSUMPTIONS,
         figures={"boxes": partial(_figure, function, leaves, volumes, lo, hi, points, work.title)},
         files={"boxes.csv": _table(prover.claims, leaves, names)},
     )  # fmt: skip
+
+
+def _notes(prover: ClosedFormProver | NewtonProver) -> list[str]:
+    if not isinstance(prover, NewtonProver):
+        return []
+    if prover.away is not None:
+        return ["errors are those of round-off, for code that starts at its last answer"]
+    return [
+        f"errors are bounded by the tolerance of the code, for an answer within {ANSWER:g} nominals of the solution; "
+        "with the motion of the inputs, moving, by round-off"
+    ]
 
 
 def _bounds(

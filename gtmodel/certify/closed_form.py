@@ -46,13 +46,13 @@ class ClosedFormProver:
         self.targets = sum(s.size for s in function.outputs)
         self._used = sorted({c.output for c in self.rows})
         self._centred = MeanValue(self.tape, self._used)
-        self._jacobian = IntervalTape(with_jacobian(self.tape, range(self.targets))[1]) if regular else None
+        self._jacobian = with_jacobian(self.tape, range(self.targets))[1] if regular else None
         self._curved = None if self._jacobian is None else MeanValue(self._jacobian, range(self._jacobian.outputs))
 
-    def decide(self, lo: Array, hi: Array) -> Decision:
+    def decide(self, lo: Array, hi: Array, whole: Array) -> Decision:
         """Judge boxes; what natural interval evaluation leaves open is tried with the mean-value form."""
         n = lo.shape[1]
-        whole = self._whole(hi - lo)
+        share = (hi - lo) / np.where(whole > 0, whole, 1.0)[:, None]
         states, undefined = self._natural(lo, hi, None)
         slopes = np.full((len(self._used), len(lo), n), np.nan)
         rest = np.flatnonzero(~(states > 0).all(axis=0))
@@ -65,7 +65,11 @@ class ClosedFormProver:
             least = self._regular(lo, hi)
             states = np.vstack([states, (least > 0).astype(int)])
             worst = -np.where(np.isnan(least), 0.0, least)[None]
-        return Decision(states, self._sides(states, slopes, undefined, whole), worst)
+        return Decision(states, self._sides(states, slopes, undefined, share), worst)
+
+    def settled(self, lo: Array, hi: Array, states: Array, worst: Array) -> Array:
+        """Return the states as they are: a closed form has one value at each point."""
+        return states
 
     def _known(self, lo: Array, hi: Array) -> tuple[dict[int, Interval], Interval]:
         """Return mean-value enclosures of the claimed outputs, infinite where there are none, and the slopes."""
@@ -73,12 +77,6 @@ class ClosedFormProver:
         jump = ~self.tape.over(lo, hi).continuous
         low, high = (np.where(np.isnan(x) | jump, far, x) for x, far in ((values.lo, -np.inf), (values.hi, np.inf)))
         return {output: Interval(low[k], high[k]) for k, output in enumerate(self._used)}, slopes
-
-    def _whole(self, width: Array) -> Array:
-        """Return widths relative to the widest box of the first level."""
-        if not hasattr(self, "_first"):
-            self._first = width.max(axis=1)
-        return width / np.where(self._first > 0, self._first, 1.0)[:, None]
 
     def _natural(self, lo: Array, hi: Array, known: dict[int, Interval] | None) -> tuple[Array, Array]:
         """Return the states of all claims but NONSINGULAR, and the first undefined step."""
@@ -104,8 +102,11 @@ class ClosedFormProver:
         least = least_singular_value(self._matrices(e.lo, e.hi))
         rest = np.flatnonzero(~np.isnan(e.lo).any(axis=0) & e.continuous)
         if rest.size:
-            values, _ = self._curved.over(lo[:, rest], hi[:, rest])
-            least[rest] = np.fmax(least[rest], least_singular_value(self._matrices(values.lo, values.hi)))
+            at, slopes, way = self._curved.parts(lo[:, rest], hi[:, rest])
+            shape = (self.tape.inputs, self.targets, self.tape.inputs, -1)
+            second = Interval(*(x.reshape(shape).transpose(3, 1, 0, 2) for x in slopes))
+            sharper = least_singular_value(self._matrices(at.lo, at.hi), second, way)
+            least[rest] = np.fmax(least[rest], sharper)
         return least
 
     def _matrices(self, lo: Array, hi: Array) -> Interval:
@@ -172,7 +173,8 @@ class ClosedFormProver:
             np.where(np.isnan(values[c.output]), -1, c.states(values[c.output], values[c.output])) for c in self.rows
         ]
         finite = np.where(np.isfinite(values[: self.targets]).all(axis=0), 1, -1)
-        small = np.where(self.sizes.within([self.real.array(c) for c in columns]), 1, -1)
+        with np.errstate(over="ignore"):
+            small = np.where(self.sizes.within([self.real.array(c) for c in columns]), 1, -1)
         states = np.array([small, *rows, finite])
         return states if self._jacobian is None else np.vstack([states, np.zeros((1, points.shape[1]), dtype=int)])
 

@@ -35,19 +35,26 @@ def remainder(inverses: Array, matrices: Interval) -> Interval:
     return subtract(point(np.eye(inverses.shape[1])[None]), product(point(inverses), matrices))
 
 
-def least_singular_value(matrices: Interval) -> Array:
+def least_singular_value(matrices: Interval, slopes: Interval | None = None, way: Interval | None = None) -> Array:
     """Return lower bounds (n,) of the smallest singular value of all matrices (n, i, j) inside the intervals; NaN where
-    one without full rank cannot be excluded."""
+    one without full rank cannot be excluded. slopes (n, i, j, k), way (k, n): add these changes to the matrices."""
     with np.errstate(all="ignore"):
+        if matrices.lo.shape[1] < matrices.lo.shape[2]:  # the transposed matrices have the same singular values
+            matrices = Interval(*(x.transpose(0, 2, 1) for x in matrices))
+            slopes = None if slopes is None else Interval(*(x.transpose(0, 2, 1, 3) for x in slopes))
         middle = 0.5 * (matrices.lo + matrices.hi)
-        inverses = np.full((len(middle), middle.shape[2], middle.shape[1]), np.nan)
+        n, rows, columns = middle.shape
+        inverses = np.full((n, columns, rows), np.nan)
         good = np.isfinite(middle).all(axis=(1, 2))
         inverses[good] = np.linalg.pinv(middle[good])
-        # |J^-1| <= |C| / (1 - |I - C J|); for fewer rows than columns I - J C
-        wide = middle.shape[1] < middle.shape[2]
-        factors = (matrices, point(inverses)) if wide else (point(inverses), matrices)
-        unit = point(np.eye(min(middle.shape[1:]))[None])
-        spread = upper_norm(subtract(unit, product(*factors)).magnitude)
+        # |J^-1| <= |C| / (1 - |I - C J|)
+        rest = remainder(inverses, matrices)
+        if slopes is not None and way is not None:  # C meets the slopes before their ways are added
+            turned = product(point(inverses), Interval(*(x.reshape(n, rows, -1) for x in slopes)))
+            turned = Interval(*(x.reshape(n, columns * columns, -1).transpose(1, 2, 0) for x in turned))
+            change = along(turned, way)
+            rest = subtract(rest, Interval(*(x.T.reshape(n, columns, columns) for x in change)))
+        spread = upper_norm(rest.magnitude)
         bound = np.nextafter(1.0 - spread, -np.inf) / upper_norm(inverses) / GROWN
         return np.where(spread < 1.0, bound, np.nan)
 

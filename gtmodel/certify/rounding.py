@@ -12,24 +12,37 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from .intervals import JUMPS, LIBM_ULP, OPERATIONS, Array, Interval, hyperbolic_cosine, tangent, touches_cut
+from .intervals import (
+    JUMPS,
+    LIBM_ULP,
+    OPERATIONS,
+    Array,
+    Interval,
+    exponential,
+    hyperbolic_cosine,
+    power,
+    tangent,
+    touches_cut,
+)
 
 GROWN = 1.0 + 2.0**-40
 
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """Round to nearest. unit: round-off relative to a result. tiny: smallest positive number; largest: largest one."""
+    """Round to nearest. unit: round-off relative to a result. tiny: smallest positive number; largest: largest one.
+    folded: relative error of constants in the text that stand for products of exact ones."""
 
     name: str
     unit: float
     tiny: float
     largest: float
+    folded: float = 0.0
 
     def constant(self, value: float) -> float:
         """Return the error of a constant, which the text of the code rounds to this arithmetic."""
         if self.name == "double":
-            return 0.0
+            return self.folded * abs(value)
         return abs(value - float(np.float32(value))) * GROWN
 
 
@@ -116,6 +129,14 @@ def _across(op: int) -> Carried:
     return carried
 
 
+def _power(x: list[Interval], e: list[Array], result: Interval) -> Array:
+    """With an exponent that is exact and a multiple of a half, by the greatest slope of the power."""
+    y = x[1].lo
+    usable = (e[1] == 0) & (y == x[1].hi) & (2.0 * y == np.round(2.0 * y)) & (np.abs(y) < 1e6)
+    slope = np.abs(y) * power(x[0].widened(e[0]), Interval(y - 1.0, y - 1.0)).magnitude
+    return np.where(usable, np.where(e[0] == 0, 0.0, e[0] * slope * GROWN), _across(ca.OP_POW)(x, e, result))
+
+
 def _jump(x: list[Interval], e: list[Array], result: Interval) -> Array:
     # the operands of a jump are widened by their errors before, so the result holds the computed value too
     return result.hi - result.lo
@@ -150,7 +171,12 @@ _CARRIED: dict[int, Carried] = {
     ca.OP_TAN: lambda x, e, _: e[0] * (1.0 + tangent(x[0].widened(e[0])).magnitude ** 2),
     ca.OP_SINH: lambda x, e, _: e[0] * hyperbolic_cosine(x[0].widened(e[0])).magnitude,
     ca.OP_COSH: lambda x, e, _: e[0] * hyperbolic_cosine(x[0].widened(e[0])).magnitude,
-    **{op: _across(op) for op in (ca.OP_EXP, ca.OP_LOG, ca.OP_POW, ca.OP_CONSTPOW)},
+    # exp(d) - 1 <= d exp(d); the slope of log is greatest at the left end
+    ca.OP_EXP: lambda x, e, result: np.where(
+        e[0] == 0, 0.0, result.magnitude * e[0] * exponential(Interval(e[0], e[0])).hi * GROWN
+    ),
+    ca.OP_LOG: lambda x, e, _: np.where(e[0] == 0, 0.0, _over(e[0], _reduced(x[0].lo, e[0]))),
+    **dict.fromkeys([ca.OP_POW, ca.OP_CONSTPOW], _power),
     **dict.fromkeys(JUMPS, _jump),
     ca.OP_IF_ELSE_ZERO: _choice,
 }

@@ -34,11 +34,11 @@ class Enclosures:
 class IntervalTape:
     """The operations of an SX function, in the order in which CasADi's machine and the generated C execute them.
 
-    Inputs are the entries of all arguments in one column, outputs those of all results. Raises ArgumentError for an
-    operation without an interval extension.
+    Inputs are the entries of all arguments in one column, but the last ones are fixed at the values `constants`;
+    outputs are those of all results. Raises ArgumentError for an operation without an interval extension.
     """
 
-    def __init__(self, f: ca.Function) -> None:
+    def __init__(self, f: ca.Function, constants: Sequence[float] = ()) -> None:
         if not f.is_a("SXFunction"):
             raise ArgumentError(
                 f"'{f.name()}' is no function of scalar operations, so nothing can be proved", "function"
@@ -47,7 +47,7 @@ class IntervalTape:
         firsts = np.cumsum([0, *[f.numel_out(k) for k in range(f.n_out())]])
         dense = [np.array(f.sparsity_out(k).find(), dtype=int) for k in range(f.n_out())]
         self.function = f
-        self.inputs, self.outputs = int(offsets[-1]), int(firsts[-1])
+        self.inputs, self.outputs = int(offsets[-1]) - len(constants), int(firsts[-1])
         self.steps: list[Instruction] = []
         self.sources: dict[int, int] = {}  # output -> step
         latest: dict[int, int] = {}
@@ -59,7 +59,11 @@ class IntervalTape:
             if op == ca.OP_CONST:
                 step = Instruction(op, constant=float(f.instruction_constant(k)))
             elif op == ca.OP_INPUT:
-                step = Instruction(op, place=int(offsets[read[0]] + read[1]))
+                place = int(offsets[read[0]] + read[1])
+                fixed = place - self.inputs
+                step = (
+                    Instruction(op, place=place) if fixed < 0 else Instruction(ca.OP_CONST, constant=constants[fixed])
+                )
             elif op in OPERATIONS:
                 step = Instruction(op, [latest[i] for i in read])
             else:
@@ -215,20 +219,46 @@ def _applied(
     return (checked(np.where(bad, np.nan, x.lo), np.where(bad, np.nan, x.hi)) if bad.any() else x), e, smooth
 
 
-def with_jacobian(tape: IntervalTape, outputs: Sequence[int]) -> tuple[ca.Function, ca.Function]:
-    """Return chosen outputs of a tape as one column, and their derivatives (outputs, inputs)."""
-    f = tape.function
-    symbols = f.sx_in()
-    entries = ca.vertcat(*[ca.vec(ca.densify(r)) for r in f.call(symbols)])
-    wanted = ca.SX(entries[list(outputs)]) if outputs else ca.SX(0, 1)
-    # structural nonzeros of all arguments, in the order of the tape
-    column = ca.vertcat(*[s[:] for s in symbols if s.nnz()])
-    slope = ca.densify(ca.jacobian(wanted, column))
-    name = f.name()
+def with_jacobian(
+    tape: IntervalTape, outputs: Sequence[int], beside: bool = False
+) -> tuple[IntervalTape, IntervalTape]:
+    """Return tapes of chosen outputs as one column, and of their derivatives (outputs, inputs), column after column;
+    `beside`: the latter begins with the outputs.
+
+    Constants are symbols while CasADi differentiates: it would round their products, so that the derivative would be
+    that of another function in its last digits.
+    """
+    x, entries, symbols, values = _lifted(tape)
+    wanted = ca.vertcat(*[entries[o] for o in outputs]) if outputs else ca.SX(0, 1)
+    slope = ca.densify(ca.jacobian(wanted, x))
+    both = [ca.densify(wanted), slope] if beside else [slope]
+    name = tape.function.name()
+    chosen = ca.Function(f"{name}_chosen", [x, symbols], ca.cse([ca.densify(wanted)]))
     return (
-        ca.Function(f"{name}_chosen", [column], ca.cse([ca.densify(wanted)])),
-        ca.Function(f"{name}_jacobian", [column], ca.cse([slope])),
+        IntervalTape(chosen, values),
+        IntervalTape(ca.Function(f"{name}_jacobian", [x, symbols], ca.cse(both)), values),
     )
+
+
+def _lifted(tape: IntervalTape) -> tuple[ca.SX, list[ca.SX], ca.SX, list[float]]:
+    """Return the inputs of a tape, its outputs as expressions of these and of symbols for its constants, these symbols,
+    and their values."""
+    powers = {s.reads[1] for s in tape.steps if s.op in (ca.OP_POW, ca.OP_CONSTPOW)}
+    x = ca.SX.sym("x", tape.inputs)
+    symbols: dict[float, ca.SX] = {}
+    made: list[ca.SX] = []
+    for k, s in enumerate(tape.steps):
+        if s.op == ca.OP_INPUT:
+            made.append(x[s.place])
+        elif s.op != ca.OP_CONST:
+            given = [made[r] for r in s.reads]
+            made.append(ca.SX.unary(s.op, *given) if len(given) == 1 else ca.SX.binary(s.op, *given))
+        elif abs(s.constant) in (0.0, 1.0) or (k in powers and 2 * s.constant == round(2 * s.constant)):
+            made.append(ca.SX(s.constant))  # what CasADi computes with these is exact
+        else:
+            made.append(symbols.setdefault(s.constant, ca.SX.sym(f"c{len(symbols)}")))
+    outputs = [made[tape.sources[o]] if o in tape.sources else ca.SX(0.0) for o in range(tape.outputs)]
+    return x, outputs, ca.vertcat(*symbols.values()) if symbols else ca.SX(0, 1), list(symbols)
 
 
 class MeanValue:
@@ -238,9 +268,8 @@ class MeanValue:
     """
 
     def __init__(self, tape: IntervalTape, outputs: Sequence[int]) -> None:
-        chosen, slope = with_jacobian(tape, outputs)
         self.count, self.inputs = len(outputs), tape.inputs
-        self._value, self.slope = IntervalTape(chosen), IntervalTape(slope)
+        self._value, self.slope = with_jacobian(tape, outputs)
 
     def slopes(self, lo: Array, hi: Array) -> Interval:
         """Return the Jacobian over boxes, (m, inputs, n)."""
@@ -250,7 +279,12 @@ class MeanValue:
 
     def over(self, lo: Array, hi: Array) -> tuple[Interval, Interval]:
         """Return the values (m, n) and the slopes (m, inputs, n); NaN where a slope is undefined."""
+        at, slopes, way = self.parts(lo, hi)
         with np.errstate(all="ignore"):
-            middle, way = about(lo, hi)
-            at, slopes = self._value.over(middle, middle), self.slopes(lo, hi)
-            return add(Interval(at.lo, at.hi), along(slopes, way)), slopes
+            return add(at, along(slopes, way)), slopes
+
+    def parts(self, lo: Array, hi: Array) -> tuple[Interval, Interval, Interval]:
+        """Return the values at the midpoints (m, n), the slopes (m, inputs, n), and the ways from there."""
+        middle, way = about(lo, hi)
+        at = self._value.over(middle, middle)
+        return Interval(at.lo, at.hi), self.slopes(lo, hi), way

@@ -17,7 +17,7 @@ from . import measurement
 from .code_result import COSTS, CodeStudy, Verification
 from .costs_file import write_costs
 from .folder import held
-from .generation import Generated, generate
+from .generation import Beside, Generated, generate
 from .measurement import Costs
 from .real import GenerationError
 from .steps.function import StepFunction
@@ -42,7 +42,7 @@ def study(
     provenance: Mapping[str, str] | None = None,
     problem: Mapping[str, Any] | None = None,
     also: Mapping[str, Check] | None = None,
-    beside: Callable[[Mapping[str, str]], Mapping[str, str]] | None = None,
+    beside: Callable[[Mapping[str, str]], Beside] | None = None,
     write_failed: bool = False,
     by: str = "write_failed=True",
     **work_options: Unpack[WorkOptions],
@@ -57,7 +57,7 @@ def study(
         costs: after the comparison, also measure machine code, stack and instructions, into costs.json; this takes
             longer than the comparison.
         also: further checks that must pass, for example of the data from which the functions were made.
-        beside: texts by file name -> further files of the folder, such as a certificate.
+        beside: texts by file name -> what else the folder says, such as a certificate.
         write_failed: also write code that failed a check, with a mark in its first lines.
         by: name of this option for the user, for messages.
         progress, max_seconds, stop: see `gtmodel.results.Work`.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,7 @@ RUNTIME = ("gt_compare.h", FLOATING, "gt_guard.h")
 NEWTON = "gt_newton.h"
 TRAJECTORY = "gt_traj.h"
 STATUS = "gt_status.h"
+README = "README.md"
 _MAIN = "gt_model_main.c"
 _IN_FLOAT = (
     "Numbers are float: they differ from double by at most 1e-5 of the range of their signal. The limits of pivots and "
@@ -53,6 +54,15 @@ class Generated:
         return self.folder / f"gt_{self.name}.h"
 
 
+@dataclass(frozen=True)
+class Beside:
+    """What a folder says beside its code: further files, a part of the README, and entries of the manifest."""
+
+    files: Mapping[str, str] = field(default_factory=dict)
+    readme: str = ""
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+
 def generate(
     functions: Mapping[str, CausalFunction | StepFunction],
     out: Path | Held,
@@ -65,7 +75,7 @@ def generate(
     real: str = "double",
     box: Mapping[str, Sequence[Sequence[float]]] | None = None,
     mark: Callable[[str, str], str] | None = None,
-    beside: Callable[[Mapping[str, str]], Mapping[str, str]] | None = None,
+    beside: Callable[[Mapping[str, str]], Beside] | None = None,
 ) -> Generated:
     """Write a folder of C99 code that `cc *.c -lm` compiles. `study` also compiles it and compares it with Python.
 
@@ -82,7 +92,7 @@ def generate(
         box: intervals [least, greatest] by name of an input such as "der(T)", one for each of its numbers or one for
             all. A function whose inputs all have intervals must have a solution everywhere inside; see manifest.json.
         mark: (file name, text) -> text to write; marks code that failed a check.
-        beside: texts by file name -> further files, such as a certificate.
+        beside: texts by file name -> what else the folder says, such as a certificate.
 
     Raises GenerationError if a name is not a C identifier or is already used, and if gtmodel did not write the folder;
     ModelError if a parameter has no value.
@@ -97,11 +107,12 @@ def generate(
     faces, steps = faces_of(functions, name, along, real_of(real), box)
     texts = contents(faces, name, dict(provenance or {}), steps)
     hashes = _hashes(faces, texts[f"gt_{name}_body.c"], steps)
-    if beside is not None:
-        texts |= beside(texts)
+    more = Beside() if beside is None else beside(texts)
+    texts |= {**more.files, README: texts[README] + more.readme}
     if mark is not None:
         texts = {file: mark(file, text) for file, text in texts.items()}
     content = manifest(name, faces, provenance or {}, texts, hashes, problem or {}, steps)
+    content |= more.facts
     folder = out.path if isinstance(out, Held) else Path(out)
     write(out if isinstance(out, Held) else folder, texts, content, overwrite)
     operations = {e["symbol"]: e["operations"] for e in [*content["functions"], *content.get("steps", [])]}
@@ -143,7 +154,7 @@ def contents(
         **texts,
         STATUS: (runtime / STATUS).read_text(encoding="utf-8"),
         "Makefile": makefile(name),
-        "README.md": readme(name, faces, steps),
+        README: readme(name, faces, steps),
     }
 
 

@@ -25,7 +25,7 @@ _NAMES = """
     functions models files
 """
 _KEYS = set(_NAMES.split())
-_ALSO = {"steps"}  # only of folders with step functions
+_ALSO = {"steps", "certificate"}  # only of folders with step functions, and of proved ones
 
 
 def sha256(text: str) -> str:

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from gtmodel import certify
 from gtmodel.certify.certificate import InputSpeed
-from gtmodel.problem_files.base import Call, Context, InputError
+from gtmodel.problem_files.base import Call, Context
 from gtmodel.problem_files.from_options import Made
 from gtmodel.problem_files.keys import RobotProblem
 
@@ -46,17 +46,17 @@ class Schema(RobotProblem):
     max_boxes: int = Field(default=100_000, ge=1, description="largest number of boxes to examine")
 
 
-ARGUMENTS = {"function": "targets"}
+ARGUMENTS = {"function": "targets", "cuts": "--start"}
 
 
 def call(problem: Schema, context: Context) -> Call:
     """Return the call of the study."""
-    if context.start is not None:
-        raise InputError("--start: a certificate does not use an earlier result; leave it out")
+    earlier = "" if context.start is None else str((context.start.get("values") or {}).get("cuts", ""))
     return Call(
         certify.study, _function(problem, context), problem.box, bounds=problem.bounds, regular=problem.regular,
         moving=None if problem.moving is None else problem.moving.options(), around=problem.around,
-        real=problem.real, max_boxes=problem.max_boxes, title=problem.title or f"certificate of {problem.robot}",
+        real=problem.real, max_boxes=problem.max_boxes, cuts=earlier,
+        title=problem.title or f"certificate of {problem.robot}",
     )  # fmt: skip
 
 

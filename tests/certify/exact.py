@@ -1,14 +1,19 @@
-"""Fifty-digit arithmetic over the operations of a function, the independent road of these tests."""
+"""Fifty-digit arithmetic over the operations of a function, the independent road of these tests: mpmath, or decimal
+numbers where all operations are algebraic, which are ten times as fast."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from decimal import Decimal, getcontext
 from typing import Any
 
 import casadi as ca
 from mpmath import mp, mpf
 
 mp.dps = 50
+getcontext().prec = 50
+ALGEBRAIC = {ca.OP_ASSIGN, ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE, ca.OP_INV,
+             ca.OP_SQRT, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}  # fmt: skip
 
 OPERATIONS: dict[int, Callable[..., Any]] = {
     ca.OP_ASSIGN: lambda x: x,
@@ -53,9 +58,14 @@ OPERATIONS: dict[int, Callable[..., Any]] = {
 
 
 class Exact:
-    """An SX function with fifty digits; called with one point (all inputs in one column), returns all outputs."""
+    """An SX function with fifty digits; called with one point (all inputs in one column), returns all outputs. `number`
+    is the type of all numbers, mpf or Decimal."""
 
-    def __init__(self, f: ca.Function) -> None:
+    def __init__(self, f: ca.Function, number: type = mpf) -> None:
+        codes = {f.instruction_id(k) for k in range(f.n_instructions())}
+        assert number is mpf or codes <= ALGEBRAIC
+        self.number = number
+        operations = {**OPERATIONS, ca.OP_SQRT: Decimal.sqrt} if number is Decimal else OPERATIONS
         firsts = [0]
         for k in range(f.n_in()):
             firsts.append(firsts[-1] + f.nnz_in(k))
@@ -68,21 +78,21 @@ class Exact:
         for k in range(f.n_instructions()):
             op, read, written = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
             if op == ca.OP_CONST:
-                value = mpf(f.instruction_constant(k))
+                value = number(f.instruction_constant(k))
                 self.steps.append((lambda value=value: value, [], written[0]))
             elif op == ca.OP_INPUT:
                 self.steps.append(("in", [firsts[read[0]] + read[1]], written[0]))
             elif op == ca.OP_OUTPUT:
                 self.steps.append(("out", [read[0]], places[written[0]] + written[1]))
             else:
-                self.steps.append((OPERATIONS[op], read, written[0]))
+                self.steps.append((operations[op], read, written[0]))
 
     def __call__(self, point: Sequence[Any]) -> list[Any]:
         work: dict[int, Any] = {}
-        results: list[Any] = [mpf(0)] * self.outputs
+        results: list[Any] = [self.number(0)] * self.outputs
         for operation, read, target in self.steps:
             if operation == "in":
-                work[target] = mpf(point[read[0]])
+                work[target] = self.number(point[read[0]])
             elif operation == "out":
                 results[target] = work[read[0]]
             else:

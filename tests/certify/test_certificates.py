@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from functools import cache
+from decimal import Decimal
+from functools import cache, partial
 
 import casadi as ca
 import numpy as np
@@ -14,6 +15,7 @@ from gtmodel.certify import subdivision, tape
 from gtmodel.certify.certificate_study import study
 from gtmodel.certify.tape import IntervalTape, MeanValue
 from gtmodel.cgen.newton_steps import run
+from gtmodel.compiler.rewriting import Instruction
 from gtmodel.results import ArgumentError
 from tests.certify.exact import Exact
 
@@ -64,14 +66,15 @@ def test_no_statement_is_violated_at_random_points(box, name, points):
     double, status = f(x)
     assert not status.any()
     single_x = x.astype(np.float32)
-    single, at = run(f.closed, [single_x.T])[0], Exact(f.closed)
-    for k in range(points):
-        exact, rounded = at(x[k]), at(single_x[k].astype(float))
-        for i, name_ in enumerate(s.errors):
-            low, high = s.ranges[name_]
+    single, at = run(f.closed, [single_x.T])[0].astype(float).T.tolist(), Exact(f.closed, Decimal)
+    bounds = [[Decimal(y) for y in (*s.ranges[n], s.errors[n], s.float_errors[n])] for n in s.errors]
+    lists = x.tolist(), single_x.astype(float).tolist(), double.tolist(), single
+    for here, there, values, rounded in zip(*lists, strict=True):
+        exact, near = at(here), at(there)
+        for i, (low, high, error, float_error) in enumerate(bounds):
             assert low <= exact[i] <= high
-            assert abs(exact[i] - mpf(double[k, i])) <= s.errors[name_]
-            assert abs(rounded[i] - mpf(float(single[i, k]))) <= s.float_errors[name_]
+            assert abs(exact[i] - Decimal(values[i])) <= error
+            assert abs(near[i] - Decimal(rounded[i])) <= float_error
 
 
 def test_error_bounds_are_near_what_is_observed():
@@ -214,10 +217,10 @@ def test_planted_errors_are_found(monkeypatch):
 
     def wrong_sign(*a):
         chosen, slope = real(*a)
-        x = slope.sx_in()
-        J = slope.call(x)[0]
-        J[0, 1] = -J[0, 1]
-        return chosen, ca.Function("wrong", x, [J])
+        entry = chosen.outputs  # of the first output by the second input
+        slope.steps.append(Instruction(ca.OP_NEG, [slope.sources[entry]]))
+        slope.sources[entry] = len(slope.steps) - 1
+        return chosen, slope
 
     # the mean-value form alone takes either sign: its way is symmetric
     monkeypatch.setattr(tape, "with_jacobian", wrong_sign)
@@ -229,8 +232,8 @@ def test_planted_errors_are_found(monkeypatch):
     missed = []
     for k in (k for k, s in enumerate(steps) if s.op in (ca.OP_SUB, ca.OP_DIV, ca.OP_SQRT, ca.OP_TWICE)):
 
-        def lacking(self, g, k=k):  # fmt: skip
-            original(self, g)
+        def lacking(self, g, constants=(), k=k):  # fmt: skip
+            original(self, g, constants)
             if g is f:
                 self.steps[k] = self.steps[k]._replace(op=ca.OP_ASSIGN, reads=self.steps[k].reads[:1])
 
@@ -290,3 +293,35 @@ def test_the_largest_box_around_a_point():
     assert f(centre + (s.scale + 0.02) * (corners - centre))[1].any()
     with pytest.raises(ArgumentError, match="inside the box"):
         study(f, box, around={"T": [5.0, 0.0, 0.0]})
+
+
+class Wave(gt.Model):
+    """A function whose bound cuts a box into many."""
+
+    a = gt.variable(2, start=[0.3, 0.2])
+    y = gt.variable()
+
+    def equations(self):
+        yield self.y == gt.sin(3 * self.a[0]) * gt.cos(2 * self.a[1])
+
+
+def test_a_stopped_proof_continues_and_workers_change_no_byte(monkeypatch):
+    monkeypatch.setattr(subdivision, "BLOCK", 32)
+    f = Wave().causal(known="a", targets="y")
+    prove = partial(study, f, {"a": [[-2.0, 2.0], [-2.0, 2.0]]}, bounds={"y": [[-2.0, 0.9]]}, max_boxes=1500)
+    whole = prove()
+    assert 0 < whole.proved < 1 and whole.boxes > 500
+    for checks in (3, 15):
+        calls = iter([False] * checks)
+        part = prove(stop=lambda calls=calls: next(calls, True))
+        assert part.status.value == "interrupted" and 1 < len(part.cuts) < len(whole.cuts)
+        again = prove(cuts=part.cuts)
+        assert (again.values, again.files) == (whole.values, whole.files)
+    more = prove(cuts=whole.cuts, max_boxes=4000)  # not only after a stop
+    assert more.proved > whole.proved and more.boxes > whole.boxes
+    with gt.workers.using(workers=2):
+        assert (prove().values, prove().files) == (whole.values, whole.files)
+    for text in ("A", "A...", "D..", "A.", "?.."):
+        with pytest.raises(ArgumentError) as error:
+            prove(cuts=text)
+        assert error.value.argument == "cuts"

@@ -11,6 +11,7 @@ from typing import Any, Literal
 from pydantic import Field, PositiveFloat
 
 from gtmodel import cgen, predictive
+from gtmodel.certify import InputSpeed
 from gtmodel.cgen import Verification
 from gtmodel.fmu.plant_unit import PlantUnit
 from gtmodel.loop.disturbed import Disturbances
@@ -40,6 +41,7 @@ class Function(FileSection):
         description="also generate NAME_jacobian, the derivatives of the targets by the inputs; not in units, which "
         "have them",
     )
+    regular: bool = Field(default=False, description="for --certify: prove also that its Jacobian has full rank")
     start: dict[str, float | list[float]] = Field(
         default={},
         description="for --fmu: input or state = start value in SI; at rest at home if empty",
@@ -282,6 +284,9 @@ class Schema(RobotProblem):
         default={},
         description='intervals by input, such as "der(T)" = [[-1.5, 1.5]], where every function must have a solution',
     )
+    moving: Made[InputSpeed] | None = Field(
+        default=None, description="for --certify: motion of the inputs between two calls of functions with a state"
+    )
     fmu: FmuSection = FmuSection.left_out()
     check: Made[Verification] = Made[Verification].left_out()
     lead_through: Made[Guiding] | None = Field(
@@ -298,6 +303,11 @@ class Schema(RobotProblem):
     def jacobians(self) -> list[str]:
         """Names of the functions that are Jacobians."""
         return [name for f in self.functions for name in f.names[1:]]
+
+    @property
+    def wanted(self) -> tuple[InputSpeed | None, list[str]]:
+        """What --certify proves beside the status."""
+        return self.moving and self.moving.options(), [f.name for f in self.functions if f.regular]
 
     def robot_from(self, context: Context, out: Path) -> str:
         """Return the robot as the manifest of a generated folder names it: the path of its file from there."""

@@ -66,8 +66,8 @@ def write(
         if not write_failed and not context.interrupted():
             refuse_distrusted(context, "the code")
         call_.options |= {"costs": costs} if verify else {"check": None}
-        functions = call_.arguments[0] if certify else {}
-        proved = statements(functions, problem.box, call_.options["name"], problem.real, context.clock())
+        functions, name = call_.arguments[0] if certify else {}, call_.options["name"]
+        proved = statements(functions, problem.box, name, problem.real, context.clock(), *problem.wanted)
         call_.options |= {"also": doubts(context) | {**proved.checks}, "beside": proved.beside}
         return call_(folder=folder, write_failed=write_failed, by="--write-failed", **context.work())
 
