@@ -35,7 +35,7 @@ class OverRows:
 
     def __call__(self, *arguments: np.ndarray) -> list[np.ndarray]:
         rows = next((len(a) for a in arguments if a.ndim == 2), 1)
-        if rows <= FEW:
+        if 0 < rows <= FEW:
             with self._lock:
                 few = self._few.get(rows) or self._few.setdefault(rows, BoundFunction(self.function, rows))
                 for place, values in zip(few.arguments, arguments, strict=True):

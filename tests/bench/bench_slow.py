@@ -84,7 +84,7 @@ def main() -> int:
     parser.add_argument("--all", action="store_true", help="every shipped problem")
     options = parser.parse_args()
     if options.all:
-        from tests.support.recordings import NOT_SHIPPED  # only here: it imports the models of the tests
+        from tests.support.recordings import NOT_SHIPPED
 
         options.problems = [name for name in SHIPPED if name not in NOT_SHIPPED]
     if options.other is None:
