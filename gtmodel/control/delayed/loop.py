@@ -191,11 +191,11 @@ class DelayedLoop:
         entry[: len(self.plant)] = held(self.plant.A, self.plant.B[:, None], self.cycle)[1][:, 0]
         return entry
 
-    def correction(self, gain: float, state: np.ndarray, noise: float = 0.0) -> float:
-        """Return u at a sample from the states of `matrix` and the measurement noise."""
+    def correction(self, gain: float, state: np.ndarray, noise: Any = 0.0) -> Any:
+        """Return u (...) at samples from the states of `matrix` (..., n) and the measurement noise (...)."""
         la, _, lc, ld = self.law_matrices
         n, q = len(self.plant), len(la)
-        return -gain * float(ld * (self.plant.C @ state[:n] + noise) + lc @ state[n : n + q])
+        return -gain * (ld * (state[..., :n] @ self.plant.C + noise) + state[..., n : n + q] @ lc)
 
     def radius(self, gain: float) -> float:
         """Return the spectral radius of `matrix`; below 1 the loop is stable."""
