@@ -104,10 +104,9 @@ def main() -> int:
         verdict = "pass" if ratio >= target(problem) else "MISSED"
         print(f"| {title} | {before:.1f} | {now:.1f} | {ratio:.2f} | {target(problem):g} | {verdict} |", flush=True)
     for title, rows in (("the slowest ten", sorted(table, reverse=True)[:10]), ("all of these", table)):
-        before, now = (sum(row[n] for row in rows) for n in (0, 1))
-        print(
-            f"| {title}: {', '.join(row[2] for row in rows[:10])} | {before:.1f} | {now:.1f} | {before / now:.2f} |||"
-        )
+        before, now = sum(row[0] for row in rows), sum(row[1] for row in rows)
+        names = ", ".join(row[2] for row in rows[:10])
+        print(f"| {title} ({len(rows)}): {names} | {before:.1f} | {now:.1f} | {before / now:.2f} |||")
     return 0 if good else 1
 
 

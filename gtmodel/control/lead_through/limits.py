@@ -89,10 +89,10 @@ def guide(
     rows: dict[str, list[Any]] = {name: [] for name in ("position", "command", "force", "guided", "normal")}
     contact = np.zeros(count, bool)
     errors = noise * rng.standard_normal((count, 3))
-    for k, pulled in enumerate(hand.tolist()):
+    for k, (x, y, z) in enumerate(hand.tolist()):
         force = surface.force(chain.position, chain.velocity, k * cycle)
-        reading = sensor_sign * (force + weight) + errors[k] - weight
-        state = law.step(state, tuple(pulled), tuple(reading.tolist()))
+        fx, fy, fz = (sensor_sign * (force + weight) + errors[k] - weight).tolist()
+        state = law.step(state, (x, y, z), (fx, fy, fz))
         for values, value in zip(
             rows.values(), (chain.position, state.velocity, force, state.guided, state.normal), strict=True
         ):
