@@ -214,12 +214,13 @@ class FlatModel(Interned):
 
     def require_values(self) -> np.ndarray:
         """Return the parameter values. Raises ModelError that names the first parameter without a value."""
-        for q in self.parameters:
-            if not np.isfinite(q.value):
-                # for a parameter that gtmodel declares, such as a sampled block's period, the caller's line matters
-                where = None if q.where is None or q.where.file.startswith("<") else q.where
-                raise ModelError(f"parameter '{q.name}' of {self.title} has no value; set it", where)
-        return self.p0
+        values = self.p0
+        for n in np.flatnonzero(~np.isfinite(values)).tolist():
+            q = self.parameters[n]
+            # for a parameter that gtmodel declares, such as a sampled block's period, the caller's line matters
+            where = None if q.where is None or q.where.file.startswith("<") else q.where
+            raise ModelError(f"parameter '{q.name}' of {self.title} has no value; set it", where)
+        return values
 
     def lookup(self, name: str) -> tuple[tuple[int, ...], list[int], int]:
         """Return shape, scalar indices and derivative order of a name such as `T`, `T[0]`, `der(q)`, `der(q,2)`."""

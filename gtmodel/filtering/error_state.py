@@ -121,7 +121,8 @@ class Filter(ABC):
             u_next = system.inputs_at(inputs, instant.time)
             bends = system.bends(inputs, last, instant.time)
             belief, step = self.advanced(belief, instant.time, u, u_next, bends)
-            before, u, last = self.summary(belief), u_next, instant.time
+            before = None if record.kept is None else self.summary(belief)
+            u, last = u_next, instant.time
             names, z = values[k]
             belief, innovation = self.correct(belief, names, z, u)
             after = self.summary(belief)

@@ -182,12 +182,12 @@ class RunRecord:
         self,
         time: float,
         step: Any,
-        before: Belief,
+        before: Belief | None,
         after: Belief,
         innovation: Innovation,
         details: Mapping[str, np.ndarray],
     ) -> None:
-        """Add one instant."""
+        """Add one instant; before: the belief before its readings, if it is kept."""
         k = self.n
         self.time[k], self.x[k] = time, after.x
         self.variances[k] = after.P.diagonal(0, 1, 2)
@@ -209,7 +209,7 @@ class RunRecord:
                     self.weighed[name] += innovation.weighed[:, n]
         self.nis[k], self.count[k] = innovation.nis, innovation.numbers
         self.log_likelihood += innovation.log_likelihood
-        if self.kept is not None:
+        if self.kept is not None and before is not None:
             self.kept.append(Kept(step, before, after))
         if self.truth is not None and self.errors is not None and self.nees is not None:
             self.errors[k] = self.system.space.minus(self.truth[k], after.x)

@@ -230,16 +230,17 @@ class Manifold:
             return np.sum(w * points, axis=1)
         mean = guess
         for _ in range(MEAN_STEPS):
-            step = np.sum(w * self.minus(points, np.broadcast_to(mean[:, None], points.shape)), axis=1)
+            step = np.sum(w * self.minus(points, mean[:, None]), axis=1)
             mean = self.plus(mean, step)
-            if self._curved(step) < MEAN_TOLERANCE:
+            if np.max(np.abs(step[:, self._angles]), initial=0.0) < MEAN_TOLERANCE:
                 break
         return mean
 
-    def _curved(self, d: np.ndarray) -> float:
-        """The largest angle in errors (m, dimension)."""
-        turns = [d[:, along] for part, _, along in self.places() if part.kind != "vector"]
-        return max(float(np.max(np.abs(t), initial=0.0)) for t in turns)
+    @cached_property
+    def _angles(self) -> list[int]:
+        """Places of the angles in an error."""
+        curved = [along for part, _, along in self.places() if part.kind != "vector"]
+        return [k for along in curved for k in range(along.start, along.stop)]
 
     def point(self, values: Mapping[str, Any], argument: str = "mean") -> np.ndarray:
         """Return a point (size,) from values by name; a part that is not named is zero, or the identity.
@@ -285,8 +286,8 @@ def _rows(f: RowsFunction, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     if a.ndim == b.ndim == 2 and len(a) == len(b) > 0:
         return f(a, b)[0]
     shape = np.broadcast_shapes(a.shape[:-1], b.shape[:-1])
-    rows = [np.broadcast_to(v, (*shape, v.shape[-1])).reshape(-1, v.shape[-1]) for v in (a, b)]
-    result = f(*rows)[0]
+    wide = [v if v.shape[:-1] == shape else np.broadcast_to(v, (*shape, v.shape[-1])) for v in (a, b)]
+    result = f(*[v.reshape(-1, v.shape[-1]) for v in wide])[0]
     return result.reshape(*shape, result.shape[-1])
 
 

@@ -235,21 +235,24 @@ def _over(tool: CorrectedTool, W: np.ndarray, steps: int, tooth: int, together: 
     spans = sorted({span for p in pieces.values() for span, _ in p})
     pushed = np.broadcast_to((m @ push)[:, None], (tooth, 3, 1))
     A, B, _ = second_order(m, c, k - W, np.concatenate([-W, pushed], axis=2))
-    E = {span: held(A, B, span) for span in spans}
+    E = {}
+    for span in spans:
+        free, entry = held(A, B, span)  # the delayed displacement is the mean of two past ones
+        E[span] = free, np.concatenate([entry[..., :3], entry[..., :3]], axis=-1) / 2, entry[..., 3:]
     # columns: response to the initial state, to x at the last grid times, and to the corrections in transit
     size = 6 + 3 * tooth + count
     now = np.eye(6, size)
-    past = [np.eye(3, size), *np.eye(3 * tooth, size, 6).reshape(tooth, 3, size)]
+    past = np.empty((3 * (tooth + 1 + together), size))  # x at the grid times, oldest first
+    past[: 3 * tooth], past[3 * tooth : 3 * tooth + 3] = np.eye(3 * tooth, size, 6), now[:3]
     sent = list(np.eye(count, size, 6 + 3 * tooth))
     for i in range(together):
         if i % steps == 0:
             sent = [-gain * tool.direction @ now[:3], *sent[:count]]
         late, early = sent[int(whole)], sent[int(whole) + 1]
-        delayed = (past[-1] + past[-2]) / 2
+        delayed = past[3 * i : 3 * i + 6]
         for span, older in pieces[i % steps]:
-            free, entry = (x[i % tooth] for x in E[span])
-            acting = early if older else late
-            now = free @ now + entry[:, :3] @ delayed + np.outer(entry[:, 3], acting)
-        past = [now[:3], *past[:-1]]
-    monodromy = np.concatenate([now, *past[1:], sent[:count]])
+            free, entry, push = (x[i % tooth] for x in E[span])
+            now = free @ now + entry @ delayed + push * (early if older else late)
+        past[3 * (i + tooth + 1) :][:3] = now[:3]
+    monodromy = np.concatenate([now, past[3 * together : -3], sent[:count]])
     return float(np.abs(np.linalg.eigvals(monodromy)).max())

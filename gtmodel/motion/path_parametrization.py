@@ -13,7 +13,7 @@ import numpy as np
 from .. import lang as gt
 from .._lazy import hint
 from ..compiler.causal import CausalFunction, compile_causal, flat_of
-from ..compiler.newton import NewtonKernel
+from ..compiler.rows import PointFunction
 from ..lang import Model
 from ..optimize.path import Curve, PathMotion, PathTask, solve_path
 from ..optimize.watch import Progress
@@ -52,14 +52,16 @@ class FollowedBranch:
     def __init__(self, f: CausalFunction) -> None:
         self.f = f
         self.near: list[np.ndarray] = []
+        self._closed = PointFunction(f.closed)
+        self._residuals = [(PointFunction(k.residual), k.scale) for k in f.kernels]
         self._kept: list[tuple[tuple[np.ndarray, ...], np.ndarray]] = []
 
     def __call__(self, *arguments: Any) -> np.ndarray:
         """Return the target (n,); NaN if the function fails."""
         columns = [np.asarray(a, float).reshape(-1) for a in arguments]
         known, unknowns = np.concatenate(columns), []
-        for kernel, z in zip(self.f.kernels, self.near, strict=bool(self.near)):
-            corrected = _corrected(kernel, z, known)
+        for (residual, scale), z in zip(self._residuals, self.near, strict=bool(self.near)):
+            corrected = _corrected(residual, scale, z, known)
             if corrected is None:
                 break
             unknowns.append(corrected)
@@ -67,7 +69,7 @@ class FollowedBranch:
         if len(unknowns) < len(self.f.kernels):
             unknowns = [z.reshape(-1) for z in self.f.unknowns(*arguments)[0]]
         self.near = unknowns if all(np.all(np.isfinite(z)) for z in unknowns) else []
-        return np.asarray(self.f.closed.call([ca.DM(a) for a in (*columns, *unknowns)])[0]).reshape(-1)
+        return self._closed(*columns, *unknowns)[0].reshape(-1)
 
     def kept(self, *arguments: Any) -> np.ndarray:
         """Return the target and record the instant for `statuses`."""
@@ -83,16 +85,16 @@ class FollowedBranch:
         return np.where((status == Status.OK) & ~same, Status.WRONG_BRANCH, status)
 
 
-def _corrected(kernel: NewtonKernel, z: np.ndarray, known: np.ndarray) -> np.ndarray | None:
+def _corrected(residual: PointFunction, scale: np.ndarray, z: np.ndarray, known: np.ndarray) -> np.ndarray | None:
     """Solve by Newton's method from z; None if it does not converge in a few steps."""
-    a, last = ca.DM(known), np.inf
+    last = np.inf
     for _ in range(STEPS):
-        r, jacobian = (v.full() for v in kernel.residual(z, a))
+        r, jacobian = residual(z, known)
         try:
             step = np.linalg.solve(jacobian, r).reshape(-1)
         except np.linalg.LinAlgError:
             return None
-        z, size = z - step, float(np.max(np.abs(step) / kernel.scale))
+        z, size = z - step, float(np.max(np.abs(step) / scale))
         if size <= CONVERGED:
             return z
         if not size < last:  # rounding, or no convergence

@@ -152,6 +152,7 @@ class Integration:
         self.history = History()
         self._x, self._z = system.reduced.from_point(ready.initial.w)
         self._work = np.zeros(2)
+        self._known: tuple[Any, ...] = ()  # what the present point depends on, and the point
         # largest state so far, in nominals, for the comparison with the absolute tolerance
         self.largest = float(np.max(np.abs(self._x) / system.stepper.x_scale, initial=0.0))
         self._time = float(rows[0])
@@ -251,7 +252,11 @@ class Integration:
         self._switch_below = SWITCH_BELOW
 
     def _here(self) -> np.ndarray:
-        return self._points(self._x[None, :], self._z[None, :], np.array([self._time]))[0]
+        """Return the present point over the plan's pairs."""
+        at = self._x, self._z, self._p, self.system, self._time
+        if any(a is not b for a, b in zip(at, self._known, strict=False)) or not self._known:
+            self._known = *at, self._points(self._x[None, :], self._z[None, :], np.array([self._time]))[0]
+        return self._known[-1]
 
     @property
     def _stepper(self) -> Stepper | OneStep:
@@ -321,7 +326,7 @@ class Integration:
         if good and self.system.roots:
             good, touching, when = self._resolved(times[:good], xs[:good], zs)
         begins = np.append(self._time, times[:good])
-        points = self._points(np.vstack([self._x, xs[:good]]), np.vstack([self._z, zs[:good]]), begins)
+        points = np.vstack([self._here(), self._points(xs[:good], zs[:good], times[:good])])
         selection = self._systems.selection
         # other states might continue there: a touch counts only if these states are valid over the interval
         if touching and selection.has_choice:

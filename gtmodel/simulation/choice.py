@@ -60,7 +60,7 @@ class StateSelection:
             )
             for part in map(_part, self._stages)
         }
-        self._distinct_parts: dict[Choice, list[tuple[Part, list[int]]]] = {}
+        self._distinct_parts: dict[Choice, list[Watch]] = {}
         place = {pair: n for n, pair in enumerate(plan.pairs)}
         # position of each symbol's first and second derivative; the last entry of an extended point is zero
         self._next = [[place.get((i, k + m), -1) for i, k in plan.pairs] for m in (1, 2)]
@@ -132,9 +132,8 @@ class StateSelection:
         if not np.all(np.isfinite(m)):
             return 0.0
         quality = 1.0
-        for (rows, columns), solved in self._distinct(choice):
-            a = m[np.ix_(rows, columns)] * self._nominal[list(columns)]
-            quality = min(quality, _quality(a, solved, enough))
+        for watch in self._distinct(choice):
+            quality = min(quality, watch.quality(m[watch.place] * watch.nominal, enough))
             if not quality > 0.0:
                 break
         return quality
@@ -163,17 +162,17 @@ class StateSelection:
         """Like `good_rows`, checking every row. `between`: stop where rows between the given ones may be bad."""
         ahead = self._ahead(points[:-1], np.diff(times))
         good = len(ahead)
-        for part, solved in self._distinct(choice):
+        for watch in self._distinct(choice):
             both = np.vstack([points[: good + 1], ahead[:good]])
-            matrices = self._matrices(part, both, np.append(times[: good + 1], times[1 : good + 1]))
-            good = _good_rows(matrices[:, : good + 1], matrices[:, good + 1 :], solved, below, between)
+            matrices = self._matrices(watch, both, np.append(times[: good + 1], times[1 : good + 1]))
+            good = _good_rows(matrices[:, : good + 1], matrices[:, good + 1 :], watch, below, between)
         return good
 
     def foresees(self, choice: Choice, w: np.ndarray, time: float, span: float) -> bool:
         """Return whether the solved columns stay good over a time [s] if the present motion continues."""
         both = np.vstack([w, self._ahead(w[None, :], np.array([span]))])
-        for part, solved in self._distinct(choice):
-            c = self._matrices(part, both, np.array([time, time + span]))[:, :, solved]
+        for watch in self._distinct(choice):
+            c = self._matrices(watch, both, np.array([time, time + span]))[:, :, watch.solved]
             try:
                 inverse = np.linalg.inv(c[:, 0])
             except np.linalg.LinAlgError:
@@ -188,18 +187,18 @@ class StateSelection:
         rate, curve = (with_zero[:, index] for index in self._next)
         return points + h * rate + h**2 / 2 * curve
 
-    def _matrices(self, part: Part, points: np.ndarray, times: np.ndarray) -> np.ndarray:
+    def _matrices(self, watch: Watch, points: np.ndarray, times: np.ndarray) -> np.ndarray:
         """Return the matrix of a stage, scaled by nominals, at points: (equations, points, columns)."""
-        entries = self._parts[part](points, times[:, None], self._numbers)[0]
-        matrices = entries.reshape(len(points), len(part[1]), len(part[0])).transpose(2, 0, 1)
-        return matrices * self._nominal[list(part[1])]
+        rows, columns = watch.part
+        entries = self._parts[watch.part](points, times[:, None], self._numbers)[0]
+        return entries.reshape(len(points), len(columns), len(rows)).transpose(2, 0, 1) * watch.nominal
 
-    def _distinct(self, choice: Choice) -> list[tuple[Part, list[int]]]:
-        """Return rows and columns of each distinct stage, with the positions of the solved columns among them."""
+    def _distinct(self, choice: Choice) -> list[Watch]:
+        """Return each distinct stage with the positions of the solved columns among its columns."""
         if choice not in self._distinct_parts:
             places = [tuple(map(s.columns.index, solved)) for s, solved in zip(self._stages, choice, strict=True)]
             parts = dict.fromkeys(zip(map(_part, self._stages), places, strict=True))
-            self._distinct_parts[choice] = [(part, list(solved)) for part, solved in parts]
+            self._distinct_parts[choice] = [Watch(p, list(solved), self._nominal[list(p[1])]) for p, solved in parts]
         return self._distinct_parts[choice]
 
     def _scaled(self, m: np.ndarray, stage: Stage) -> np.ndarray:
@@ -216,21 +215,35 @@ def _with_unit_rows(a: np.ndarray) -> np.ndarray:
     return a / np.where(size > 0, size, 1.0)
 
 
-def _quality(a: np.ndarray, solved: list[int], enough: float = np.inf) -> float:
-    """Return the smallest singular value of the solved columns relative to that of the best choice; a lower bound
-    suffices if it is at least `enough`."""
-    a = _with_unit_rows(a)
-    smallest, most = (float(np.linalg.svd(x, compute_uv=False)[-1]) for x in (a[:, solved], a))
-    if smallest >= enough * most > RANK_TOLERANCE:  # no subset is better conditioned than all columns
-        return smallest / most
-    order = pivoted_qr(a, "economic")[2]
-    best = float(np.linalg.svd(a[:, order[: len(a)]], compute_uv=False)[-1])
-    return smallest / best if best > RANK_TOLERANCE else 0.0
+class Watch:
+    """A stage, `part`, with the positions of its solved columns, along a motion."""
+
+    def __init__(self, part: Part, solved: list[int], nominal: np.ndarray) -> None:
+        self.part, self.solved, self.nominal = part, solved, nominal
+        self.place = np.ix_(*part)
+        # a matrix with the smallest singular values of its solved and of all columns
+        self._known = np.full((len(part[0]), len(part[1])), np.nan), 0.0, 0.0
+
+    def quality(self, a: np.ndarray, enough: float = np.inf) -> float:
+        """Return the smallest singular value of the solved columns relative to that of the best choice; a lower bound
+        suffices if it is at least `enough`."""
+        a = _with_unit_rows(a)
+        known, smallest, most = self._known
+        away = float(np.linalg.norm(a - known))  # no singular value changes by more
+        if smallest - away >= enough * (most + away) and enough * (most - away) > RANK_TOLERANCE:
+            return (smallest - away) / (most + away)
+        smallest, most = (float(np.linalg.svd(x, compute_uv=False)[-1]) for x in (a[:, self.solved], a))
+        self._known = a, smallest, most
+        if smallest >= enough * most > RANK_TOLERANCE:  # no subset is better conditioned than all columns
+            return smallest / most
+        order = pivoted_qr(a, "economic")[2]
+        best = float(np.linalg.svd(a[:, order[: len(a)]], compute_uv=False)[-1])
+        return smallest / best if best > RANK_TOLERANCE else 0.0
 
 
-def _good_rows(actual_rows: np.ndarray, ahead: np.ndarray, solved: list[int], below: float, between: bool) -> int:
+def _good_rows(actual_rows: np.ndarray, ahead: np.ndarray, watch: Watch, below: float, between: bool) -> int:
     """Like `StateSelection.good_rows`, from the matrices (equations, n, columns) of one stage, actual and predicted."""
-    c, predicted = (np.ascontiguousarray(x[:, :, solved]) for x in (actual_rows, ahead))
+    c, predicted = (np.ascontiguousarray(x[:, :, watch.solved]) for x in (actual_rows, ahead))
     row, last, window = 0, ahead.shape[1], ROWS
     while row < last:
         try:
@@ -245,11 +258,11 @@ def _good_rows(actual_rows: np.ndarray, ahead: np.ndarray, solved: list[int], be
             if between or not (actual[0] <= LARGEST_CHANGE and expected[0] <= PREDICTED_CHANGE):
                 return row
             count = 1
-        if _quality(actual_rows[:, row + count], solved, below) < below:
+        if watch.quality(actual_rows[:, row + count], below) < below:
             if between:
                 return row
             rows = range(row + 1, row + count)
-            return row + 1 + bisect_left(rows, True, key=lambda n: _quality(actual_rows[:, n], solved, below) < below)
+            return row + 1 + bisect_left(rows, True, key=lambda n: watch.quality(actual_rows[:, n], below) < below)
         row, window = row + count, 2 * count + 8
     return row
 

@@ -59,7 +59,7 @@ class InputTable:
         k = int(np.searchsorted(self.times, start, side="left" if before else "right")) - 1
         if k < 0:
             return np.concatenate([self.values[:1], np.zeros(self.coefficients - 1)])
-        row, after = self._rows[k], start - self.times[k]
+        row, after = self._rows[k].tolist(), float(start - self.times[k])
         n = self.coefficients
         return np.array([sum(row[j] * after ** (j - i) / math.factorial(j - i) for j in range(i, n)) for i in range(n)])
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 from contextlib import redirect_stderr
 from functools import cached_property
 from io import StringIO
+from threading import Lock
 from typing import Any
 
 import casadi as ca
@@ -15,10 +16,10 @@ from ..compiler.blocks import Margin
 from ..compiler.emission import express
 from ..compiler.flat import FlatModel
 from ..compiler.plan import CausalPlan
-from ..compiler.rows import PointFunction, densified, map_columns
+from ..compiler.rows import BoundFunction, densified, map_columns
 from .inputs import SimulationInputs
 
-# up to this many rows are evaluated one by one, which is cheaper than a mapped call
+# up to this many rows are evaluated in kept memory
 FEW = 6
 
 
@@ -29,16 +30,18 @@ class OverRows:
     def __init__(self, f: ca.Function) -> None:
         self.function = densified(f)
         self._mapped: dict[int, ca.Function] = {}
-
-    @cached_property
-    def _single(self) -> PointFunction:
-        return PointFunction(self.function)
+        self._few: dict[int, BoundFunction] = {}
+        self._lock = Lock()
 
     def __call__(self, *arguments: np.ndarray) -> list[np.ndarray]:
         rows = next((len(a) for a in arguments if a.ndim == 2), 1)
-        if rows <= FEW:
-            results = [self._single(*[a[n] if a.ndim == 2 else a for a in arguments]) for n in range(rows)]
-            return [np.concatenate([r.T.reshape(1, -1) for r in output]) for output in zip(*results, strict=True)]
+        if 0 < rows <= FEW:
+            with self._lock:
+                few = self._few.get(rows) or self._few.setdefault(rows, BoundFunction(self.function, rows))
+                for place, values in zip(few.arguments, arguments, strict=True):
+                    place[...] = values
+                few.run()
+                return [r.copy() for r in few.results]
         columns = [a.T if a.ndim == 2 else np.broadcast_to(a[:, None], (a.size, rows)) for a in arguments]
         return [r.T for r in map_columns(self.function, columns, self._mapped)]
 

@@ -13,7 +13,7 @@ import gtmodel as gt
 from gtmodel.compiler.consistency.initial import _Equations, initial_point, start_values
 from gtmodel.compiler.rows import PointFunction
 from gtmodel.compiler.states import choose
-from gtmodel.simulation.choice import LARGEST_CHANGE, STRIDE, SWITCH_BELOW, StateSelection, choice_of
+from gtmodel.simulation.choice import LARGEST_CHANGE, STRIDE, SWITCH_BELOW, StateSelection, Watch, choice_of
 from gtmodel.simulation.prepare import prepare
 from gtmodel.simulation.record import Wanted
 from tests.simulation.models import SwingingPendulum, TwoMasses
@@ -206,9 +206,21 @@ class TestGoodRows:
         for a, b in zip(
             *(zip(some[0][k : good + k], some[1][k : good + k], strict=False) for k in (0, 1)), strict=False
         ):
-            for (rows, columns), solved in selection._distinct(choice):
-                c, d = (selection.matrix(w, t)[np.ix_(rows, columns)][:, solved] for w, t in (a, b))
+            for watch in selection._distinct(choice):
+                c, d = (selection.matrix(w, t)[watch.place][:, watch.solved] for w, t in (a, b))
                 assert np.linalg.norm(np.linalg.solve(c, d - c)) <= LARGEST_CHANGE
+
+    def test_near_a_judged_matrix_the_quality_is_bounded_from_below(self):
+        rng, part = np.random.default_rng(0), ((0, 1, 2), (0, 1, 2, 3, 4))
+        for size in (0.0, 1e-6, 1e-3, 0.1, 1.0):
+            for _ in range(40):
+                watch, a = Watch(part, [0, 1, 2], np.ones(5)), rng.normal(size=(3, 5))
+                watch.quality(a, SWITCH_BELOW)
+                near = a + size * rng.normal(size=a.shape)
+                bound = watch.quality(near, SWITCH_BELOW)
+                exact = Watch(part, [0, 1, 2], np.ones(5)).quality(near)
+                assert bound <= exact * (1 + 1e-12)  # round-off of singular values
+                assert (bound >= SWITCH_BELOW) == (exact >= SWITCH_BELOW)
 
 
 @pytest.mark.parametrize("n", range(5))

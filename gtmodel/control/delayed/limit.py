@@ -138,12 +138,10 @@ def turns(distance: np.ndarray, side: np.ndarray, near: float) -> list[int]:
 
 
 def _root(f: Callable[[float], float], low: float, high: float) -> float:
-    before, behind = f(low), f(high)
-    if before == 0:
-        return low
-    if np.sign(before) == np.sign(behind):  # a root on the grid, up to rounding
-        return high if abs(behind) < abs(before) else low
-    return float(scipy.optimize.brentq(f, low, high, xtol=EXACT * high, rtol=4 * EXACT))
+    try:
+        return float(scipy.optimize.brentq(f, low, high, xtol=EXACT * high, rtol=4 * EXACT))
+    except ValueError:  # equal signs: a root on the grid, up to rounding
+        return high if abs(f(high)) < abs(f(low)) else low
 
 
 def _static(loop: DelayedLoop, near: complex) -> float:
@@ -157,9 +155,7 @@ def _static(loop: DelayedLoop, near: complex) -> float:
     return value if abs(value - near) < SAME * abs(value) else 0.0
 
 
-EXACT_GAIN = 1e-14  # relative tolerance of a gain
-BESIDE = 1e-3  # of the first crossing: half-width of the bracket for the eigenvalues, at most
-LARGE = 120  # states beyond which the eigenvalues do not refine a crossing of the response
+EXACT_GAIN = 1e-14  # relative distance of two crossings at one gain, at most
 AT_REST = 1e-12  # a plant with a pole of modulus above 1 - AT_REST does not come to rest
 REACHED = 1e-13  # relative singular value below which a motion is uncontrollable or unobservable
 
@@ -182,9 +178,8 @@ def gain_limit(loop: DelayedLoop) -> GainLimit:
     """Return the first gain above zero at which an eigenvalue of the companion matrix reaches the unit circle.
 
     The frequency response gives all gains at which poles lie on the circle, and whether they leave or return there. The
-    eigenvalues below the first such gain give the number of unstable poles. The limit is then refined on the largest
-    eigenvalue. Raises ArgumentError if already small gains are unstable, for example because the plant does not come to
-    rest by itself.
+    eigenvalues below the first such gain give the number of unstable poles. Raises ArgumentError if already small gains
+    are unstable, for example because the plant does not come to rest by itself.
 
     >>> plant = gt.control.delayed.equivalent_plant(3.0, 57.7, 34200.0, cycle=0.004)
     >>> loop = gt.control.delayed.DelayedLoop(plant, cycle=0.004, delay=0.052)
@@ -204,7 +199,7 @@ def gain_limit(loop: DelayedLoop) -> GainLimit:
         return GainLimit(np.inf, 0.0)
     row = int(np.argmin(np.abs(boundaries[:, 0] - end)))
     frequency = float(boundaries[row, 1] / (2 * np.pi))
-    return GainLimit(_on_the_circle(loop, boundaries[:, 0], row), frequency, tuple(ranges[1:]))
+    return GainLimit(float(end), frequency, tuple(ranges[1:]))
 
 
 def stability_ranges(loop: DelayedLoop) -> tuple[np.ndarray, list[tuple[float, float]]]:
@@ -248,22 +243,6 @@ def _check_that_motions_are_seen(loop: DelayedLoop) -> None:
                         f"the {name} has a motion that does not come to rest by itself and that {reason}; "
                         "leave this motion out of the model"
                     )
-
-
-def _on_the_circle(loop: DelayedLoop, crossings: np.ndarray, row: int) -> float:
-    """The gain of a crossing, from the eigenvalues."""
-    gain = float(crossings[row])
-    if len(loop) > LARGE:
-        return gain
-    near = np.abs(np.delete(crossings, row) - gain).min(initial=gain) / 2
-    step = min(near, BESIDE * gain)
-
-    def beyond(P: float) -> float:
-        return loop.radius(P) - 1
-
-    if not beyond(gain - step) < 0 < beyond(gain + step):
-        return gain  # two crossings at one gain: the value from the response is exact to rounding
-    return float(scipy.optimize.brentq(beyond, gain - step, gain + step, xtol=EXACT_GAIN * gain, rtol=4 * EXACT_GAIN))
 
 
 DRAWS = 1000

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -25,7 +26,10 @@ else:
 EVEN = 1200  # equally spaced frequencies up to the Nyquist frequency
 LOW = 200  # logarithmically spaced frequencies towards zero; a quarter as many towards the Nyquist frequency
 LOWEST = 1e-6  # of the Nyquist frequency or the slowest pole
+SHARES = np.linspace(0, 1, LOW)  # of the logarithm from the lowest to the Nyquist frequency
+NEAR_TOP = 1 - np.geomspace(LOWEST, 0.1, LOW // 4)  # of the Nyquist frequency
 TURN = 24  # frequencies on each side of a resonance, at equal steps of phase
+TURNS = np.tan(np.pi / 2 * np.linspace(-1, 1, 2 * TURN + 1)[1:-1])
 TAIL = 12  # frequencies per decade of distance from a resonance
 NARROW = 1e-10  # of the Nyquist frequency: least width of a resonance
 ON_A_POLE = 1e-13  # frequencies this close to a pole are left out
@@ -41,14 +45,14 @@ def frequencies(loop: DelayedLoop) -> np.ndarray:
     poles = continuous_poles(z[np.abs(z) > 1e-12], loop.cycle)
     slow = np.abs(poles[np.abs(poles) > WIDTH * top])
     low = LOWEST * min(top, float(slow.min(initial=top)))
-    towards = np.geomspace(low / top, 1.0, LOW)
-    grids = [np.linspace(0, top, max(EVEN, 40 * (loop.split[0] + 2)) + 1)[1:], top * towards,
-             top * (1 - np.geomspace(LOWEST, 0.1, LOW // 4))]  # fmt: skip
-    for pole in poles[poles.imag > 0]:
-        wide = max(np.abs(pole.real), NARROW * top)
-        tails = wide * np.geomspace(10.0, max(20.0, top / wide), 2 + int(TAIL * np.log10(max(20.0, top / wide))))
-        grids += [pole.imag + wide * np.tan(np.pi / 2 * np.linspace(-1, 1, 2 * TURN + 1)[1:-1]),
-                  pole.imag + tails, pole.imag - tails]  # fmt: skip
+    even = max(EVEN, 40 * (loop.split[0] + 2))
+    grids = [np.linspace(0, top, even + 1)[1:], low * (top / low) ** SHARES, top * NEAR_TOP]
+    for pole in poles[poles.imag > 0].tolist():
+        wide = max(abs(pole.real), NARROW * top)
+        far = max(20.0, top / wide)
+        last = 1 + int(TAIL * math.log10(far))
+        tails = 10 * wide * (far / 10) ** (np.arange(last + 1) / last)
+        grids += [pole.imag + wide * TURNS, pole.imag + tails, pole.imag - tails]
     w = np.unique(np.concatenate(grids))
     return off_poles(loop, w[(w >= low) & (w <= top)])
 
@@ -72,7 +76,10 @@ def sampled_response(loop: DelayedLoop) -> tuple[np.ndarray, np.ndarray]:
 
 def off_poles(loop: DelayedLoop, w: np.ndarray) -> np.ndarray:
     """Return the frequencies (w,) at which the response is finite."""
-    return w[np.abs(np.exp(1j * w * loop.cycle)[:, None] - np.concatenate(loop.poles)).min(axis=1) > ON_A_POLE]
+    near = [z for poles in loop.poles for z in poles.tolist() if abs(abs(z) - 1) <= 2 * ON_A_POLE]
+    if not near:
+        return w
+    return w[np.abs(np.exp(1j * w * loop.cycle)[:, None] - near).min(axis=1) > ON_A_POLE]
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,11 +191,11 @@ class DelayedLoop:
         entry[: len(self.plant)] = held(self.plant.A, self.plant.B[:, None], self.cycle)[1][:, 0]
         return entry
 
-    def correction(self, gain: float, state: np.ndarray, noise: float = 0.0) -> float:
-        """Return u at a sample from the states of `matrix` and the measurement noise."""
+    def correction(self, gain: float, state: np.ndarray, noise: Any = 0.0) -> Any:
+        """Return u (...) at samples from the states of `matrix` (..., n) and the measurement noise (...)."""
         la, _, lc, ld = self.law_matrices
         n, q = len(self.plant), len(la)
-        return -gain * float(ld * (self.plant.C @ state[:n] + noise) + lc @ state[n : n + q])
+        return -gain * (ld * (state[..., :n] @ self.plant.C + noise) + state[..., n : n + q] @ lc)
 
     def radius(self, gain: float) -> float:
         """Return the spectral radius of `matrix`; below 1 the loop is stable."""

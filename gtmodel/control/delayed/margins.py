@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from ...results import ArgumentError
-from .limit import EXACT, LARGE, gain_limit, largest_in_sector, least_of, size_crossings, stability_ranges
+from .limit import EXACT, gain_limit, largest_in_sector, least_of, size_crossings, stability_ranges
 from .loop import APART, DelayedLoop
 from .options import GainMargins
 from .plants import MOST_CYCLES
@@ -19,6 +19,7 @@ FAST = 0.5  # rad: largest phase of the plant's fastest pole in a step
 LONGEST = 100  # cycles of further delay in the search
 PARTS = 8  # of a cycle: delays at which |P L| is computed
 SOLVED = 1e-9  # tolerance of log(-P L)
+LARGE = 120  # states beyond which no eigenvalues are computed for a delay
 NEAR = 1e-12  # tolerance of a delay margin, in cycles
 
 

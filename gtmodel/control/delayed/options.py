@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, Protocol, runtime_checkable
@@ -110,11 +111,11 @@ class SinePath(Options):
         """
         count = round(self.duration / cycle)
         w = 2 * np.pi * self.wave_number
-        x = np.zeros(count + 2)
-        for k in range(count + 1):  # equal steps along the path
-            middle = x[k] + self.feed * cycle / 2 / np.hypot(1, self.amplitude * w * np.cos(w * x[k]))
-            x[k + 1] = x[k] + self.feed * cycle / np.hypot(1, self.amplitude * w * np.cos(w * middle))
-        return np.diff(self.amplitude * np.sin(w * x), 2)
+        x, step, slope = [0.0], self.feed * cycle, self.amplitude * w
+        for _ in range(count + 1):  # equal steps along the path
+            middle = x[-1] + step / 2 / math.hypot(1, slope * math.cos(w * x[-1]))
+            x.append(x[-1] + step / math.hypot(1, slope * math.cos(w * middle)))
+        return np.diff(self.amplitude * np.sin(w * np.array(x)), 2)
 
 
 @dataclass(frozen=True)

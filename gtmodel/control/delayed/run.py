@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...linear.response import states
 from ...results import ArgumentError
 from .loop import DelayedLoop
 from .options import SinePath
@@ -54,15 +55,14 @@ def run_along(
     measured = noise * np.random.default_rng(seed).standard_normal(len(steering))
     matrix, entry, from_noise = loop.matrix(gain), loop.steering_entry, loop.noise_entry(gain)
     largest = BLOWN_UP * (noise + np.abs(steering).max())
-    x, deviation, correction = np.zeros(len(matrix)), np.zeros(len(steering)), np.zeros(len(steering))
-    for k in range(len(steering)):
-        deviation[k] = loop.plant.C @ x[: len(loop.plant)]
-        correction[k] = loop.correction(gain, x, measured[k])
-        if abs(deviation[k]) > largest:
-            return DelayedRun(loop.cycle * np.arange(k + 1), deviation[: k + 1], correction[: k + 1], False)
-        x = matrix @ x + from_noise * measured[k] + entry * steering[k]
-    parts = np.array_split(deviation, WINDOWS)
-    sizes = [float(np.sqrt(np.mean(p**2))) for p in parts]
-    return DelayedRun(
-        loop.cycle * np.arange(len(steering)), deviation, correction, sizes[-1] <= GROWTH * max(sizes[:2])
-    )
+    with np.errstate(all="ignore"):  # an unstable run overflows after its end
+        x = states(matrix, np.outer(measured, from_noise) + np.outer(steering, entry), np.zeros(len(matrix)))
+        deviation = x[:, : len(loop.plant)] @ loop.plant.C
+        correction = loop.correction(gain, x, measured)
+    time = loop.cycle * np.arange(len(steering))
+    beyond = np.flatnonzero(np.abs(deviation) > largest)
+    if beyond.size:
+        end = int(beyond[0]) + 1
+        return DelayedRun(time[:end], deviation[:end], correction[:end], False)
+    sizes = [float(np.sqrt(np.mean(p**2))) for p in np.array_split(deviation, WINDOWS)]
+    return DelayedRun(time, deviation, correction, sizes[-1] <= GROWTH * max(sizes[:2]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +17,7 @@ from .options import ConeComparison, ServoChain
 from .scenes import GRAVITY, SyntheticSurface
 from .sensor import sign_test
 from .tool_run import ServoRun
-from .wrench import Vector, WrenchStatus, rows_of, vector_of
+from .wrench import WrenchStatus, rows_of, vector_of
 
 AT_REST = 50  # readings before the start
 QUARTERS = np.array([np.eye(3), [[1, 0, 0], [0, 0, -1], [0, 1, 0]], [[0, 0, 1], [0, 1, 0], [-1, 0, 0]]], float)
@@ -85,23 +86,21 @@ def guide(
     state = law.start(sign_test(known, np.eye(3), at_rest, sigma=least))
 
     chain = ServoRun(servo, cycle, begin)
-    rows = {name: np.zeros((count, 3)) for name in ("position", "command", "force", "guided", "normal")}
+    rows: dict[str, list[Any]] = {name: [] for name in ("position", "command", "force", "guided", "normal")}
     contact = np.zeros(count, bool)
     errors = noise * rng.standard_normal((count, 3))
-    for k in range(count):
+    for k, (x, y, z) in enumerate(hand.tolist()):
         force = surface.force(chain.position, chain.velocity, k * cycle)
-        reading = sensor_sign * (force + weight) + errors[k] - weight
-        state = law.step(state, _vector(hand[k]), _vector(reading))
-        for name, value in (("position", chain.position), ("command", state.velocity), ("force", force),
-                            ("guided", state.guided), ("normal", state.normal)):  # fmt: skip
-            rows[name][k] = value
+        fx, fy, fz = (sensor_sign * (force + weight) + errors[k] - weight).tolist()
+        state = law.step(state, (x, y, z), (fx, fy, fz))
+        for values, value in zip(
+            rows.values(), (chain.position, state.velocity, force, state.guided, state.normal), strict=True
+        ):
+            values.append(value)
         contact[k] = state.contact
         chain.advance(np.array(state.velocity))
-    return GuidedRun(cycle * np.arange(count), **rows, contact=contact, status=state.status)
-
-
-def _vector(row: np.ndarray) -> Vector:
-    return float(row[0]), float(row[1]), float(row[2])
+    tables = {name: np.array(values).reshape(count, 3) for name, values in rows.items()}
+    return GuidedRun(cycle * np.arange(count), **tables, contact=contact, status=state.status)
 
 
 CYCLES = 1000

@@ -106,7 +106,7 @@ class SyntheticSurface(Options):
     friction: Annotated[float, Within(least=0.0), "Coulomb coefficient"] = 0.0
     rise: Annotated[float, Unit("m/s"), Within(), "speed of the surface along its normal"] = 0.0
 
-    @property
+    @cached_property
     def normal(self) -> np.ndarray:
         """Normal (3,) at the origin, from the workpiece to the tool."""
         return np.array([math.sin(self.tilt), 0.0, math.cos(self.tilt)])
@@ -123,6 +123,8 @@ class SyntheticSurface(Options):
         """Return the force (3,) [N] on a tool at position (3,) [m] with velocity (3,) [m/s]."""
         local = self.normal_at(position)
         pressed = self.stiffness * max(-self._gap(position, time), 0.0)
+        if self.friction == 0.0:
+            return pressed * local
         along = velocity - (local @ velocity) * local
         return pressed * (local - self.friction * along / max(float(np.linalg.norm(along)), SLOW))
 

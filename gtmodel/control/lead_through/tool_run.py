@@ -42,7 +42,7 @@ class ServoRun:
         self._parts, self._plant, self._acting = rest > 0, loop.plant, np.zeros_like(start)
         self._x = np.zeros((len(self._a), len(start)))
         self._x[0] = start
-        self._pending = np.zeros((self._whole + self._parts + 1, len(start)))  # commands, newest first
+        self._pending = [np.zeros(len(start))] * (self._whole + self._parts + 1)  # commands, newest first
 
     @property
     def position(self) -> np.ndarray:
@@ -61,11 +61,11 @@ class ServoRun:
 
     def advance(self, command: np.ndarray) -> None:
         """Advance by one cycle, with a new command (n,) at its beginning."""
-        self._pending = np.vstack([[command], self._pending[:-1]])
+        self._pending = [command, *self._pending[:-1]]
         self._acting = self._pending[self._whole]
-        self._x = self._a @ self._x + np.outer(self._late, self._acting)
+        self._x = self._a @ self._x + self._late[:, None] * self._acting
         if self._parts:
-            self._x += np.outer(self._early, self._pending[self._whole + 1])
+            self._x += self._early[:, None] * self._pending[self._whole + 1]
 
 
 @dataclass(frozen=True, eq=False)

@@ -106,12 +106,11 @@ class Interacting(Filter):
         """Mix the beliefs: each mode starts from all modes, weighted with the probability that it follows them."""
         joint = belief.probabilities[:, :, None] * self.chances
         after = joint.sum(axis=1)
-        modes = []
-        for n, mode in enumerate(belief.modes):
-            # a mode with probability zero keeps its own belief
-            weights = np.where(after[:, n, None] > 0, joint[:, :, n], np.eye(len(self.filters))[n])
-            modes.append(_combined(self.system, belief.modes, weights / weights.sum(axis=1, keepdims=True), mode.x))
-        return Mixture(tuple(modes), _logs(after))
+        # a mode with probability zero keeps its own belief
+        weights = np.where(after[:, None] > 0, joint, np.eye(len(self.filters)))
+        x, P = _combined(self.system, belief.modes, (weights / weights.sum(axis=1, keepdims=True)).mT)
+        modes = tuple(Belief(belief.time, x[:, n], P[:, n]) for n in range(len(belief.modes)))
+        return Mixture(modes, _logs(after))
 
     def correct(
         self, belief: Mixture, names: tuple[str, ...], z: np.ndarray, u: np.ndarray
@@ -144,22 +143,22 @@ class Interacting(Filter):
 
     def summary(self, belief: Mixture) -> Belief:
         """Return mean and covariance of the mixture."""
-        likeliest = np.argmax(belief.logs, axis=1)
-        guess = np.stack([mode.x for mode in belief.modes])[likeliest, np.arange(len(likeliest))]
-        return _combined(self.system, belief.modes, belief.probabilities, guess)
+        x, P = _combined(self.system, belief.modes, belief.probabilities[:, None])
+        return Belief(belief.time, x[:, 0], P[:, 0])
 
 
-def _combined(system: System, modes: Sequence[Belief], weights: np.ndarray, guess: np.ndarray) -> Belief:
-    """Mean and covariance of a mixture of beliefs with weights (m, modes)."""
-    space = system.space
-    x, P = np.stack([mode.x for mode in modes], axis=1), np.stack([mode.P for mode in modes], axis=1)
-    mean = space.mean(x, weights, guess)
+def _combined(system: System, modes: Sequence[Belief], weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Means (m, mixtures, size) and covariances of mixtures of beliefs with weights (m, mixtures, modes)."""
+    space, (m, count, k) = system.space, weights.shape
+    x, P = (np.repeat(np.stack(v, axis=1), count, axis=0) for v in zip(*((b.x, b.P) for b in modes), strict=True))
+    w = weights.reshape(m * count, k)
+    mean = space.mean(x, w, x[np.arange(m * count), np.argmax(w, axis=1)])
     d = space.minus(x, mean[:, None])
     if system.curved_errors:
-        m, k, n = d.shape
-        J = space.carried(x.reshape(m * k, -1), -d.reshape(m * k, n)).reshape(P.shape)
+        J = space.carried(x.reshape(m * count * k, -1), -d.reshape(m * count * k, -1)).reshape(P.shape)
         P = J @ P @ J.mT
-    return Belief(modes[0].time, mean, np.einsum("mk,mkij->mij", weights, P) + moments(d, weights))
+    P = np.einsum("mk,mkij->mij", w, P) + moments(d, w)
+    return mean.reshape(m, count, -1), P.reshape(m, count, *P.shape[1:])
 
 
 def log_sum(logs: np.ndarray) -> np.ndarray:

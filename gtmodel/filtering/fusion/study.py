@@ -167,8 +167,8 @@ def _filtered(
 ) -> _Fused:
     """Filter a scene; keep: called with the result before it is smoothed and tested."""
     systems = systems_of(scene, design)
-    report, smoothing = work.fractions("filtering"), design.smooth
-    run = filter_of(systems, design).run(scene.log, scene.initial, truth=scene.truth, keep=smoothing, progress=report)
+    report, keep_all = work.fractions("filtering"), design.smooth and len(systems) == 1  # else the scheduled run does
+    run = filter_of(systems, design).run(scene.log, scene.initial, truth=scene.truth, keep=keep_all, progress=report)
     alone = tracker_system(scene.path, scene.sensors, design)
     log = {"tracker": scene.log["tracker"]}
     initial = replace(scene.initial, mean=_three(scene.initial.mean), deviation=_three(scene.initial.deviation))

@@ -115,12 +115,13 @@ class OneStep:
                     self._set_far(solver, n, ends, between)
                     return None
                 last = int(np.searchsorted(times, solver.t, side="right")) if solver.status == "running" else count
-                if last > done or self._remembers:
+                # a finished call ends with the solver's own state
+                if self._remembers or last > done + (solver.status == "finished"):
                     dense = solver.dense_output()
                     rows[done:last] = dense(times[done:last]).T
-                    done = last
                     ends.append(float(solver.t))
                     between.append(dense)
+                done = last
                 if steps > MOST_AN_INTERVAL:
                     stiff += _stiffness(solver) > STIFF
                 if steps > MOST_AN_INTERVAL * max(done, 1) + MOST_AN_INTERVAL and 2 * stiff > steps - MOST_AN_INTERVAL:

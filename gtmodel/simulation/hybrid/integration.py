@@ -82,14 +82,15 @@ class HybridIntegration(OverEdges):
         self._record(*self._one_row())
         self._grow(self._comparisons(self._x[None, :], self._z[None, :], np.array([self._time]))[0])
         self._instant()
+        of_inputs = self._inputs.knots(self._begin, self._end)
         while self._time < self._end:
-            knots = np.union1d(self._inputs.knots(self._time, self._end), self._pace.knots)
-            after = knots[knots > self._time + self._slack]
-            stop = self._row_at(min(self._next_sample(), float(after[0]) if after.size else np.inf, self._end))
+            passed = self._time + self._slack
+            knot = min(_first_after(passed, of_inputs), _first_after(passed, self._pace.knots))
+            stop = self._row_at(min(self._next_sample(), knot, self._end))
             while self._time < stop:
                 self._advance(stop, self._span(stop))
-            if stop < self._end and after.size and after[0] <= stop + self._slack:
-                self._knot(max(stop, float(after[0])))
+            if stop < self._end and knot <= stop + self._slack:
+                self._knot(max(stop, knot))
             self._instant()
         self._at_the_end()
 
@@ -524,6 +525,12 @@ class HybridIntegration(OverEdges):
 
     def _shown(self, times: np.ndarray) -> np.ndarray:
         return np.append(self._next_row, times[1:]) if times.size else times
+
+
+def _first_after(time: float, times: np.ndarray) -> float:
+    """Return the first of sorted times after this one, infinite if there is none."""
+    place = int(np.searchsorted(times, time, side="right"))
+    return float(times[place]) if place < len(times) else np.inf
 
 
 def renumbered(flat: FlatModel, numbers: Mapping[int, float]) -> FlatModel:
