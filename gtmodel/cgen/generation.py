@@ -141,7 +141,7 @@ def contents(
         main = main.replace("About 1e-15", "About 1e-7")
     texts = {
         f"{prefix}.h": header(name, faces, about, _hashes(faces, source, steps), steps),
-        f"{prefix}.c": wrapper(name, faces, steps, inline=_small(faces, source)),
+        f"{prefix}.c": wrapper(name, faces, steps, inline=not steps and _small(faces, source)),
         f"{prefix}_body.h": declarations,
         f"{prefix}_body.c": source,
         f"{prefix}_selftest.c": selftest(name, faces, steps),
@@ -159,7 +159,7 @@ def contents(
 
 
 def _small(faces: list[Interface], source: str) -> bool:
-    """Whether the bodies are compiled with their guards: Newton's kernels and loops gain nothing but their size."""
+    """Whether the bodies are compiled with their guards: Newton's kernels and loops, as steps, gain but their size."""
     return source.count("\n") <= SMALL and not any(face.newton or face.loops is not None for face in faces)
 
 
