@@ -20,6 +20,7 @@ from tests.support.commands import Commands
 from tests.view.test_view import LARGEST, SAME, decoded, l1
 
 NODE = shutil.which("node")
+ROUNDED = 1e-9  # of sums of a dozen products of numbers that are not rounded in the scene
 
 
 @cache
@@ -41,7 +42,12 @@ def workspace() -> Any:
 def compliance() -> Any:
     springs = gt.compliance.Springs(links=gt.compliance.RodSprings(stiffness=2e7),
                                     carts=gt.compliance.CartSprings(drive=1e7))  # fmt: skip
-    return gt.compliance.study(gt.robots.gantry_tau("l1_tape"), springs, map=gt.compliance.ComplianceMap(step=0.4))
+    return gt.compliance.study(heavy(), springs, map=gt.compliance.ComplianceMap(step=0.4))
+
+
+def heavy() -> Any:
+    """The L1 with links of mass, which couple plate and carts: else the mass matrix is diagonal and hides faults."""
+    return gt.robots.gantry_tau("l1_tape", m_a=[1.0, 2.0, 3.0])
 
 
 @cache
@@ -97,6 +103,27 @@ def test_a_mode_moves_as_its_name_says() -> None:
     largest = max(np.linalg.norm(x) for x in (*ends, most - rest))
     assert f"drawn as {1e3 * largest:.0f} mm" in scene.note
     assert f"{study.frequencies[0]:.4g} Hz" in scene.title
+
+
+def test_what_a_mode_shows_vibrates_at_its_frequency() -> None:
+    """Rayleigh's quotient of the drawn motion, from the springs and masses declared: rods, drives, carts on rails."""
+    study, robot = compliance(), heavy()
+    rods, rail = np.array([1, 2, 3]), np.asarray(robot.v)[0]  # parallel rods of each link; all guideways are parallel
+    for k, name in enumerate(study.scenes):
+        scene = study.view(name)
+        plate, carts = (
+            np.array([[scene.at(f"{end} joint {n}", t) for n in (1, 2, 3)] for t in (0.0, 0.5)])
+            for end in ("plate", "cart")
+        )
+        u, c = plate[1] - plate[0], carts[1] - carts[0]
+        assert np.abs(np.cross(c, rail)).max() < SAME  # the guideways are rigid
+        along = (plate[0] - carts[0]) / np.linalg.norm(plate[0] - carts[0], axis=1)[:, None]
+        stretch = np.sum(along * (u - c), axis=1)
+        stiffness = np.sum(2e7 * rods * stretch**2) + 1e7 * np.sum(c**2)
+        masses = (
+            robot.m_p * u[0] @ u[0] + robot.m_c @ np.sum(c**2, axis=1) + robot.m_a @ np.sum((u + c) ** 2, axis=1) / 4
+        )
+        assert np.isclose(np.sqrt(stiffness / masses) / (2 * np.pi), study.frequencies[k], rtol=ROUNDED), name
 
 
 def test_postures_reach_the_same_pose() -> None:
