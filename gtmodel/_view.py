@@ -17,9 +17,9 @@ from gtmodel.problem_files.load import validate
 from gtmodel.problem_files.registry import get
 from gtmodel.results import ArgumentError, reading, written
 from gtmodel.results.read_bounds import json_of, toml_of
+from gtmodel.view.space import ENDINGS
 
 SUFFIX = ".html"
-PICTURES = {SUFFIX: "a page", ".png": "a picture", ".gif": "an animated picture", ".mp4": "a film"}
 
 
 def write(what: str, out: Path | None, time: float | None, context: Context) -> Path:
@@ -29,11 +29,13 @@ def write(what: str, out: Path | None, time: float | None, context: Context) -> 
     is_result, is_scene = (place / written.RESULT).is_file(), what.endswith(written.SCENE)
     file, _, inner = place.name.partition(":")
     name = inner if python_models.is_reference(what) else Path(file).stem
+    if not (is_result or is_scene) and place.is_dir():
+        raise InputError(f"is a folder without {written.RESULT}; gtmodel solve PROBLEM --out DIR writes one", file=what)
     if is_result or is_scene:
         name = place.resolve().name.removesuffix(written.SCENE)
     target = out or Path(f"{name}{SUFFIX}")
-    if target.suffix not in PICTURES:
-        known = ", ".join(f"{suffix} for {what}" for suffix, what in PICTURES.items())
+    if target.suffix not in ENDINGS:
+        known = ", ".join(f"{suffix} for {what}" for suffix, what in ENDINGS.items())
         raise InputError(f"-o {target} ends in none of {known}")
     if time is not None and target.suffix != ".png":
         raise InputError("--at belongs to a picture: -o FILE.png; a page begins at #SECONDS behind its address")

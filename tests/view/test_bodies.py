@@ -100,6 +100,52 @@ def test_an_own_part_is_where_its_frame_is() -> None:
     assert np.allclose(points["ground.frame"], 0.0)
 
 
+def test_a_point_has_all_its_names() -> None:
+    """Frames that coincide are drawn once, and asked for by any of their names."""
+    scene = gt.view.scene(Lever(L=0.4), still=True)
+    for name in ("arm.b", "body.frame"):
+        assert np.allclose(scene.at(name, 0.0), [0.4, 0.0, 0.0])
+    with pytest.raises(gt.results.ArgumentError, match=r"did you mean 'body\.frame'"):
+        scene.at("bodi.frame", 0.0)
+
+
+def test_only_pages_and_pictures_of_gtmodel_are_written_over(tmp_path: Path) -> None:
+    scene = gt.view.scene(Lever(), still=True)
+    page = scene.write(tmp_path / "page.html")
+    assert scene.write(page) == page
+    own = tmp_path / "own.html"
+    own.write_text("mine")
+    for file in (own, tmp_path / "model.py", tmp_path / "lever.jpg"):
+        with pytest.raises(gt.results.ArgumentError) as caught:
+            scene.write(file)
+        assert caught.value.argument == "path"
+    assert own.read_text() == "mine" and not (tmp_path / "lever.jpg").exists()
+
+
+def test_a_mesh_of_a_class_lies_beside_its_python_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "robots"
+    folder.mkdir()
+    loops = [" ".join(f"vertex {x} {y} {z}" for x, y, z in CORNERS[[*t]]) for t in CUBE]
+    facets = " ".join(f"facet normal 0 0 0 outer loop {loop} endloop endfacet" for loop in loops)
+    (folder / "cube.stl").write_text(f"solid cube {facets} endsolid cube")
+    (folder / "beside.py").write_text(
+        "import gtmodel as gt\nfrom tests.view.test_bodies import Lever\n\n\nclass Own(Lever):\n"
+        '    visual = {"body.frame": gt.view.MeshFile("cube.stl", scale=0.1)}\n'
+    )
+    monkeypatch.chdir(tmp_path)
+    (body,) = gt.view.scene(gt.load_robot("robots/beside.py:Own"), still=True).bodies
+    assert np.allclose(body.corners()[-1], [0.1, 0.1, 0.1])
+
+
+@pytest.mark.parametrize("colour", ["red", "#12345", "#0072b2ff", (0, 1, 2)])
+def test_a_colour_that_no_browser_reads_is_refused(colour: Any) -> None:
+    for make in (lambda: gt.view.Sphere(0.1, colour=colour), lambda: gt.view.dots([[0.0, 0.0, 0.0]], colour=colour),
+                 lambda: gt.view.VisiblePart("joint", ("a",), colour=colour)):  # fmt: skip
+        with pytest.raises(gt.results.ArgumentError) as caught:
+            make()
+        assert caught.value.argument == "colour"
+
+
 def test_parts_of_a_model_and_the_world_have_a_look_too() -> None:
     """The lever has no drive: its free coordinate moves it."""
     scene = gt.view.scene(Bench(), visual={"lever.body.frame": gt.view.Sphere(0.03)})

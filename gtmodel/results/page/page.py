@@ -26,11 +26,17 @@ if TYPE_CHECKING:
 
 REPORT = "report.html"
 MARK = '<meta name="generator" content="gtmodel">'
+ENDS = 1000  # bytes at the beginning and, of a film, at the end in which gtmodel says that it wrote a file
 LARGEST = 2_000_000  # bytes of a page, which is sent by mail
 LONGEST = 240  # characters of a value in a table of keys
 RIGHT, FAILED = ' class="n"', '<tr class="failed">'
 RESIDUALS, FEW = "residuals_of_the_fit", 12  # fewer residuals show no distribution
 VERDICT, ASSUMED = "verdict", "assumed"  # labels of rows that belong to other sections
+
+
+def written_here(file: Path) -> bool:
+    """Return True for a page, picture or film of gtmodel."""
+    return file.is_file() and MARK.encode() in (content := file.read_bytes())[:ENDS] + content[-ENDS:]
 
 
 @dataclass(frozen=True)
