@@ -88,11 +88,15 @@ def _of_result(folder: Path, context: Context) -> view.RobotScene:
         raise InputError(f"{folder / written.RUN} does not say which problem was solved; solve it again") from error
     motion, kind = reading.read(folder).trajectory, run["problem"]["kind"]
     robot = _model(problem, kind, context) if motion is not None else None
+    report = "gtmodel solve --report shows what this result has"
     if robot is None or motion is None:
-        raise InputError(f"'{kind}' has nothing in space; gtmodel solve --report shows what this result has")
+        raise InputError(f"'{kind}' has nothing in space; {report}")
     force = getattr(getattr(problem, "limits", None), "force_N", None)
     limits = {} if force is None else {"tau": (-force, force)}
-    return view.scene(robot, motion, limits=limits, title=problem.title or motion.title)
+    try:
+        return view.scene(robot, motion, limits=limits, title=problem.title or motion.title)
+    except ArgumentError as error:
+        raise InputError(f"'{kind}' has nothing in space: {error.message}; {report}") from error
 
 
 def _model(problem: Any, kind: str, context: Context) -> Model | None:

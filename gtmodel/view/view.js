@@ -100,10 +100,13 @@ const drawFloor = (g) => {
   const z = low[2], at = (x, y) => project([x * step, y * step, z]);
   for (let x = x0; x <= x1; x++) line(g, at(x, y0), at(x, y1), 0.6, "#d8d8d8");
   for (let y = y0; y <= y1; y++) line(g, at(x0, y), at(x1, y), 0.6, "#d8d8d8");
-  g.font = "12px sans-serif"; g.fillStyle = "#777";
-  for (let x = x0; x <= x1; x++) { const p = at(x, y0 - 0.3); g.fillText(Number((x * step).toPrecision(4)), p[0], p[1]); }
-  for (let y = y0; y <= y1; y++) { const p = at(x1 + 0.25, y); g.fillText(Number((y * step).toPrecision(4)), p[0], p[1]); }
-  [[[x0 + 1, y0], "x [m]"], [[x1, y0 + 1], "y [m]"]].forEach(([[x, y], text], k) => { const p = k ? at(x + 0.9, y) : at(x, y - 0.8); g.fillText(text, p[0], p[1]); });
+  // numbers at the edges that are far from the eye: these are in the picture, and the robot does not stand on them
+  const [xf, dx] = view.out[0] > 0 ? [x0, -0.35] : [x1, 0.35], [yf, dy] = view.out[1] > 0 ? [y0, -0.35] : [y1, 0.35];
+  const text = (v, axis, middle) => `${middle ? `${axis} = ` : ""}${Number((v * step).toPrecision(4))}${middle ? " m" : ""}`;
+  g.font = "12px sans-serif"; g.fillStyle = "#777"; g.textAlign = "center";
+  for (let x = x0; x <= x1; x++) if (x !== xf) { const p = at(x, yf + dy); g.fillText(text(x, "x", x === Math.round((x0 + x1) / 2)), p[0], p[1]); }
+  for (let y = y0; y <= y1; y++) if (y !== yf) { const p = at(xf + dx, y); g.fillText(text(y, "y", y === Math.round((y0 + y1) / 2)), p[0], p[1]); }
+  g.textAlign = "left";
 };
 
 // a mark of 4 pixels to each side
@@ -172,8 +175,8 @@ const drawn = () => {
     } else if (shape === "path" && Array.isArray(points[of[0]][0])) {
       const trace = points[of[0]].map(project);
       items.push([Math.max(...trace.map((q) => q[2])), (g) => {
-        g.strokeStyle = colour; g.lineWidth = 1.5; g.setLineDash([5, 3]);
-        g.beginPath(); trace.forEach((q) => g.lineTo(q[0], q[1])); g.stroke(); g.setLineDash([]);
+        g.strokeStyle = colour; g.lineWidth = 1.5; // not dashed: on a way to and fro the dashes would fill each other
+        g.beginPath(); trace.forEach((q) => g.lineTo(q[0], q[1])); g.stroke();
       }]);
     } else if (shape === "axes") {
       for (let k = 1; k < 4; k++) items.push([p[k][2] - 0.01 * size, (g) => {
