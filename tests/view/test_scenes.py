@@ -202,6 +202,21 @@ def test_pictures_and_films(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         scene.write(tmp_path / "film.mp4")
 
 
+def test_a_picture_says_what_it_shows_within_its_width() -> None:
+    """Without a page around it: title, which of the poses, note and width of the grid, in lines."""
+    from PIL import Image
+
+    def dark(scene: Any, time: float) -> Any:
+        content = pictures.png(scene, time, width=200, height=240)
+        return np.asarray(Image.open(io.BytesIO(content)).convert("L")) < 130
+
+    empty = gt.view.RobotScene({"a": [0.0, 0.0, 0.0], "b": [0.1, 0.1, 0.1]}, [], time=[1.0, 2.0], unit="mode")
+    first, second = (dark(empty.with_(title="Modes"), t) for t in (1.0, 2.0))
+    assert first[:40].any() and np.any(first != second)  # by the number of the mode alone
+    one, many = (dark(empty.with_(note=note), 1.0) for note in ("A note.", "Words of a long note. " * 10))
+    assert not many[:, -8:].any() and not one[:-30].any(axis=1)[40:].any() and many[:-60].any(axis=1)[40:].any()
+
+
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="no ffmpeg here")
 def test_a_film_is_the_same_each_time() -> None:
     scene = gt.view.scene(*l1())
