@@ -218,10 +218,13 @@ for (const { name, unit, values, limits } of scene.signals) {
   const c = make("canvas", beside), all = [...values.flat(), ...(limits ?? [])].filter(Number.isFinite);
   c.setAttribute("role", "img"); c.setAttribute("aria-label", `${name} over time`);
   let [bottom, top] = [Math.min(...all), Math.max(...all)];
-  if (!(top - bottom > 1e-12 * Math.max(1, Math.abs(top)))) [bottom, top] = [bottom - 1, top + 1];
+  const constant = !(top - bottom > 1e-12 * Math.max(1, Math.abs(top)));
+  if (constant) [bottom, top] = [bottom - 1, top + 1];
   const ticks = [bottom, (bottom + top) / 2, top];
   [bottom, top] = [bottom - 0.06 * (top - bottom), top + 0.06 * (top - bottom)];
-  const left = 48, label = (v) => (Math.abs(v) < 1e-3 * (top - bottom) ? 0 : Number(v.toPrecision(3)));
+  // as many decimals as four digits of the range have: numbers of one width, which do not run into each other
+  const decimals = Math.min(Math.max(3 - Math.floor(Math.log10(Math.max(ticks[2] - ticks[0], 1e-12))), 0), 20);
+  const left = 48, label = (v) => (constant || Math.abs(v) >= 1e5 ? Number(v.toPrecision(3)) : Number(v.toFixed(decimals)) + 0);
   const shown = values.slice(0, 6), head = shown.length > 3 ? 32 : 18; // many values stand below the name
   charts.push(() => {
     const g = sized(c), [w, h] = [c.clientWidth, c.clientHeight - 4];

@@ -138,6 +138,28 @@ def test_postures_reach_the_same_pose() -> None:
     assert np.ptp(elbow, axis=0).max() > 0.1  # by different ways
 
 
+def test_a_path_of_an_arm_plays_in_the_chosen_postures() -> None:
+    arm = gt.robots.serial_arm(a=[0.4, 0.3, 0.0], alpha=[0.0, np.pi, 0.0], joints="rrp")
+    way = np.column_stack([np.linspace(0.4, 0.6, 5), np.full(5, 0.3), np.full(5, -0.1)])
+    scene = gt.kinematics.postures_study(arm, gt.kinematics.ToolPoses(way), path=True).view("path")
+    tool = next(part for part in scene.parts if part.shape == "path").points[0]
+    assert scene.unit == "pose" and np.allclose([scene.at(tool, k) for k in scene.time], way, rtol=0, atol=SAME)
+
+
+def test_a_folder_of_a_closed_loop_moves_as_it_was_simulated(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    gtmodel = Commands(capsys)
+    assert gtmodel("solve", "loop_simulation", "--out", "loop").code == 0
+    assert gtmodel("view", "loop").code == 0
+    _, points = decoded(Path("loop.html").read_text())
+    table = np.loadtxt("loop/trajectory.csv", delimiter=",", comments=("#", "time"))
+    robot = gt.robots.gantry_tau("l1_tape")
+    T, _ = robot.causal(known="q", targets="T")(table[[0, -1], 4:7])
+    assert np.allclose(np.asarray(points["arm[0].tip"])[[0, -1]], T, atol=1e-6)
+
+
 def test_a_document_gives_the_scene_again() -> None:
     for scene in (
         cameras().view(),
