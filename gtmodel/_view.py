@@ -17,6 +17,7 @@ from gtmodel.problem_files.load import validate
 from gtmodel.problem_files.registry import get
 from gtmodel.results import ArgumentError, reading, written
 from gtmodel.results.read_bounds import json_of, toml_of
+from gtmodel.results.study import cautioned
 from gtmodel.view.space import ENDINGS
 
 SUFFIX = ".html"
@@ -86,7 +87,8 @@ def _of_result(folder: Path, context: Context) -> view.RobotScene:
         context.folder = Path(run["input"]["problem"]).parent
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"{folder / written.RUN} does not say which problem was solved; solve it again") from error
-    motion, kind = reading.read(folder).trajectory, run["problem"]["kind"]
+    stored, kind = reading.read(folder), run["problem"]["kind"]
+    motion = stored.trajectory
     robot = _model(problem, kind, context) if motion is not None else None
     report = "gtmodel solve --report shows what this result has"
     if robot is None or motion is None:
@@ -94,7 +96,8 @@ def _of_result(folder: Path, context: Context) -> view.RobotScene:
     force = getattr(getattr(problem, "limits", None), "force_N", None)
     limits = {} if force is None else {"tau": (-force, force)}
     try:
-        return view.scene(robot, motion, limits=limits, title=problem.title or motion.title)
+        scene = view.scene(robot, motion, limits=limits, title=problem.title or motion.title)
+        return cautioned(scene, stored.status)
     except ArgumentError as error:
         raise InputError(f"'{kind}' has nothing in space: {error.message}; {report}") from error
 

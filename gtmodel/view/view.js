@@ -222,9 +222,9 @@ for (const { name, unit, values, limits } of scene.signals) {
   if (constant) [bottom, top] = [bottom - 1, top + 1];
   const ticks = [bottom, (bottom + top) / 2, top];
   [bottom, top] = [bottom - 0.06 * (top - bottom), top + 0.06 * (top - bottom)];
-  // as many decimals as four digits of the range have: numbers of one width, which do not run into each other
-  const decimals = Math.min(Math.max(3 - Math.floor(Math.log10(Math.max(ticks[2] - ticks[0], 1e-12))), 0), 20);
-  const left = 48, label = (v) => (constant || Math.abs(v) >= 1e5 ? Number(v.toPrecision(3)) : Number(v.toFixed(decimals)) + 0);
+  // three digits, and no more decimals than the range has: numbers of one width do not run into each other
+  const decimals = constant ? 20 : Math.min(Math.max(3 - Math.floor(Math.log10(ticks[2] - ticks[0])), 0), 20);
+  const left = 48, label = (v) => Number(Number(v.toFixed(decimals)).toPrecision(3)) + 0;
   const shown = values.slice(0, 6), head = shown.length > 3 ? 32 : 18; // many values stand below the name
   charts.push(() => {
     const g = sized(c), [w, h] = [c.clientWidth, c.clientHeight - 4];

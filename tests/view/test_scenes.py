@@ -198,6 +198,26 @@ def test_result_folders_are_shown(capsys: pytest.CaptureFixture[str], tmp_path: 
     assert motion is not None and np.allclose(points[[*points][tool]][-1], motion["robot.T"][-1], atol=SAME)
 
 
+def test_what_must_not_be_used_says_so_in_space_too(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    gtmodel = Commands(capsys)
+    bar = gt.view.RobotScene({"a": [0.0, 0.0, 0.0]}, [], note="A bar.")
+    for status in gt.SolveStatus:
+        study = gt.results.Study(status=status, scenes={"bar": lambda: bar})
+        note = study.view().note
+        assert note.endswith("A bar.") and status.ok == (note == "A bar.") and (status.ok or status.message in note)
+        study.write(status.value)
+        stored = json.loads(Path(status.value, "bar.scene.json").read_text())
+        assert stored["note"] == note
+    assert gtmodel("solve", "l1_drop", "--set", "final_time_s=0.2", "--set", "tolerance=1e-3", "--out", "drop").code < 2
+    result = json.loads(Path("drop/result.json").read_text())
+    Path("drop/result.json").write_text(json.dumps(result | {"status": "interrupted"}))
+    assert gtmodel("view", "drop").code == 0
+    assert "the run was stopped early" in decoded(Path("drop.html").read_text())[0]["note"]
+
+
 def test_a_scene_that_cannot_be_drawn_loses_no_result(tmp_path: Path) -> None:
     def broken() -> None:
         raise RuntimeError("not today")

@@ -211,9 +211,9 @@ def _pictures(study: Study, drawings: Mapping[str, Drawing]) -> list[str]:
 def _in_space(study: Study) -> list[str]:
     """The robot with its motion, to be turned and played within the page."""
     lines = ["<h2>In space</h2>"] if study.scenes else []
-    for make in study.scenes.values():
+    for name in study.scenes:
         try:
-            lines.append(make()._repr_html_())
+            lines.append(study.view(name)._repr_html_())
         except ArgumentError as error:  # such as a motion beyond the reach, which a failed check reports
             lines.append(_part(f"Not drawn: {error.message}."))
     return lines
