@@ -104,7 +104,7 @@ def scene(
         if body.extent > OVERSIZE * size:
             raise ArgumentError(
                 f"the solid in '{body.frame or WORLD}' is {body.extent:.3g} m across, the robot {size:.3g} m; a mesh "
-                "in millimetres needs scale=0.001", "visual",
+                'in millimetres needs scale=0.001, in a URDF scale="0.001 0.001 0.001"', "visual",
             )  # fmt: skip
     if not parts and not bodies:
         raise ArgumentError(f"no component of {type(robot).__name__} joins two points", "robot")
