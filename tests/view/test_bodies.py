@@ -257,14 +257,17 @@ MJCF = """<mujoco model="r"><compiler meshdir="parts"/><asset><mesh name="cube" 
 
 
 @pytest.mark.parametrize(("name", "text"), [("r.urdf", URDF), ("r.sdf", SDF), ("r.xml", MJCF)])
-def test_visual_shapes_of_files_are_where_their_links_are(name: str, text: str, tmp_path: Path) -> None:
+def test_visual_shapes_of_files_are_where_their_links_are(
+    name: str, text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "a.stl").write_bytes(stl(CORNERS, CUBE))
     (tmp_path / "robots").mkdir()
     place = tmp_path if name == "r.xml" else tmp_path / "robots"
     (place / name).write_text(text)
     q = np.sin(TIME)
-    for robot in (gt.load_robot(place / name), gt.robots.mechanism(place / name, driven="j")):
+    monkeypatch.chdir(place)
+    for robot in (gt.load_robot(name), gt.robots.mechanism(place / name, driven="j")):
         scene = gt.view.scene(robot, gt.Trajectory(TIME, {"q": q[:, None]}, {"q": "rad"}))
         (of_arm,) = bodies_of(scene.document()).values()
         rod, cube = of_arm
