@@ -166,7 +166,7 @@ class _Camera:
         font, line = ImageFont.load_default(FINER * LETTERS), FINER * LETTERS * 1.4
         groups, left, top = [b for b in self.scene.bodies if b.marker and b.name], FINER * MARGIN, FINER * MARGIN
         times, unit = np.atleast_1d(self.scene.time), self.scene.unit
-        instant = f"{time:.2f} s" if unit == "s" else f"{unit} {time:g} of {len(times)}"
+        instant = f"{time:.2f} s" if unit == "s" else f"{unit} {time:g} of {times[-1]:g}"  # not all may be shown
         head = ", ".join(filter(None, [self.scene.title, instant if len(times) > 1 else ""]))
         width = self.shape[0] - 2 * left
         heads = _lines(pen, head, font, width)

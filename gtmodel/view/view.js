@@ -207,7 +207,7 @@ const draw = () => {
   drawFloor(g);
   for (const [, paint] of drawn()) paint(g);
   charts.forEach((chart) => chart());
-  if (slider) { slider.value = frame; shown.textContent = moving ? `${timeAt(frame).toFixed(3)} s` : `${scene.unit} ${timeAt(frame)} of ${time.length}`; }
+  if (slider) { slider.value = frame; shown.textContent = moving ? `${timeAt(frame).toFixed(3)} s` : `${scene.unit} ${timeAt(frame)} of ${time.at(-1)}`; }
 };
 
 // signals beside the scene
