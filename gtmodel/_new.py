@@ -61,6 +61,8 @@ def write(what: str, name: str, log: Path | None = None, place: Path | None = No
     kinds, shipped = names(), shipped_names()
     if what not in ("model", *kinds, *shipped):
         lists = "gtmodel schema shows the kinds, gtmodel list problems the problems"
+        if what in ("problem", "kind"):
+            raise InputError(f"name the kind in place of '{what}': gtmodel new calibration {name}; {lists}")
         raise InputError(f"there is no kind or problem '{what}'; {meant(what, [*kinds, *shipped], lists)}")
     source = _MODEL if what == "model" else what if what in shipped else example_of(what)
     text = (folder / f"{source}.toml").read_text(encoding="utf-8")
@@ -178,8 +180,10 @@ def _with_log(text: str, log: Path, shown: str) -> str:
     seen = [column for stream in columns for column in stream["columns"]]
     groups: dict[str, list[Any]] = {}
     for column in seen:
-        match = _LETTERED.match(column["name"]) or _NUMBERED.match(column["name"])
-        groups.setdefault((match[1].lower() or "xyz") if match else column["name"], []).append(column)
+        # the unit at the end, as in axis1_mm, is no part of the name
+        name = re.sub(rf"(?i)[ _.]\W?{re.escape(column['unit'] or '-')}\W?$", "", column["name"])
+        match = _LETTERED.match(name) or _NUMBERED.match(name)
+        groups.setdefault((match[1].lower() or "xyz") if match else name, []).append(column)
     listed = ", ".join(column["name"] for column in seen)
     for signal, pattern in _NAMED.items():
         fitting = [g for stem, g in groups.items() if re.fullmatch(pattern, stem) and len(g) > 1]

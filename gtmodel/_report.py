@@ -14,22 +14,19 @@ from gtmodel.problem_files.registry import names
 from gtmodel.problem_files.run import leaves
 from gtmodel.results import Study
 from gtmodel.results.disk import write_whole
-from gtmodel.results.page.page import MARK, Asked, page
+from gtmodel.results.page.page import Asked, page, written_here
 from gtmodel.results.quantity import unit_of
 from gtmodel.results.written import sha256, sha256_of_file
 
 HELP = "##"  # comments of gtmodel new
 NO_REMARK = re.compile(rf"#:schema|{HELP}|# (gtmodel \w+ \S+|problems/\S+)\.toml")
 FLOAT = re.compile(r"-?\d+\.\d+(e[+-]?\d+)?")
-ENDS = 1000  # bytes at the beginning and, of a film, at the end in which gtmodel says that it wrote a file
 _HEAD = {"kind", "title"}
 
 
 def refuse_another(file: Path, option: str) -> None:
     """Raises InputError if a file is there that is no page, picture or film of gtmodel."""
-    if file.exists() and not (
-        file.is_file() and MARK.encode() in (content := file.read_bytes())[:ENDS] + content[-ENDS:]
-    ):
+    if file.exists() and not written_here(file):
         raise InputError(f"{option} {file} is there already and gtmodel did not write it; name another file")
 
 

@@ -17,9 +17,10 @@ from gtmodel.problem_files.load import validate
 from gtmodel.problem_files.registry import get
 from gtmodel.results import ArgumentError, reading, written
 from gtmodel.results.read_bounds import json_of, toml_of
+from gtmodel.results.study import cautioned
+from gtmodel.view.space import ENDINGS
 
 SUFFIX = ".html"
-PICTURES = {SUFFIX: "a page", ".png": "a picture", ".gif": "an animated picture", ".mp4": "a film"}
 
 
 def write(what: str, out: Path | None, time: float | None, context: Context) -> Path:
@@ -29,11 +30,13 @@ def write(what: str, out: Path | None, time: float | None, context: Context) -> 
     is_result, is_scene = (place / written.RESULT).is_file(), what.endswith(written.SCENE)
     file, _, inner = place.name.partition(":")
     name = inner if python_models.is_reference(what) else Path(file).stem
+    if not (is_result or is_scene) and place.is_dir():
+        raise InputError(f"is a folder without {written.RESULT}; gtmodel solve PROBLEM --out DIR writes one", file=what)
     if is_result or is_scene:
         name = place.resolve().name.removesuffix(written.SCENE)
     target = out or Path(f"{name}{SUFFIX}")
-    if target.suffix not in PICTURES:
-        known = ", ".join(f"{suffix} for {what}" for suffix, what in PICTURES.items())
+    if target.suffix not in ENDINGS:
+        known = ", ".join(f"{suffix} for {what}" for suffix, what in ENDINGS.items())
         raise InputError(f"-o {target} ends in none of {known}")
     if time is not None and target.suffix != ".png":
         raise InputError("--at belongs to a picture: -o FILE.png; a page begins at #SECONDS behind its address")
@@ -84,13 +87,19 @@ def _of_result(folder: Path, context: Context) -> view.RobotScene:
         context.folder = Path(run["input"]["problem"]).parent
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"{folder / written.RUN} does not say which problem was solved; solve it again") from error
-    motion, kind = reading.read(folder).trajectory, run["problem"]["kind"]
+    stored, kind = reading.read(folder), run["problem"]["kind"]
+    motion = stored.trajectory
     robot = _model(problem, kind, context) if motion is not None else None
+    report = "gtmodel solve --report shows what this result has"
     if robot is None or motion is None:
-        raise InputError(f"'{kind}' has nothing in space; gtmodel solve --report shows what this result has")
+        raise InputError(f"'{kind}' has nothing in space; {report}")
     force = getattr(getattr(problem, "limits", None), "force_N", None)
     limits = {} if force is None else {"tau": (-force, force)}
-    return view.scene(robot, motion, limits=limits, title=problem.title or motion.title)
+    try:
+        scene = view.scene(robot, motion, limits=limits, title=problem.title or motion.title)
+        return cautioned(scene, stored.status)
+    except ArgumentError as error:
+        raise InputError(f"'{kind}' has nothing in space: {error.message}; {report}") from error
 
 
 def _model(problem: Any, kind: str, context: Context) -> Model | None:

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from gtmodel._report import asked
 from gtmodel.problem_files import python_models, run
+from gtmodel.problem_files.base import InputError
 from gtmodel.problem_files.files import find
 from gtmodel.problem_files.load import load
 from gtmodel.results.page.page import page
@@ -33,7 +34,8 @@ class FollowedProblem:
 
     def __init__(self, problem: str, settings: Sequence[str] = ()) -> None:
         self.problem, self.settings = problem, tuple(settings)
-        self.number, self.text = 0, ""
+        self.number = 0
+        self.text = _page(f"{problem}: being solved", 0)
         self._files: dict[Path, str] = {}
 
     def look(self) -> str:
@@ -53,20 +55,26 @@ class FollowedProblem:
             text, message = page(study, asked(loaded, context)), f"{study.status.value}: {study.message}"
         except Exception as error:
             _, message = python_models.describe(error, self.problem)
-            text = f'<!DOCTYPE html><html lang="en"><meta charset="utf-8"><body><p>{escape(message)}</p></body></html>'
+            text = ""
         self.number += 1
-        self.text = text.replace("</body>", _RELOAD % self.number + "</body>")
+        self.text = text.replace("</body>", _RELOAD % self.number + "</body>") or _page(message, self.number)
         return f"{message} ({time.monotonic() - began:.1f} s)"
+
+
+def _page(sentence: str, number: int) -> str:
+    """A page that says a sentence, until there is another one."""
+    body = f"<body><p>{escape(sentence)}</p>{_RELOAD % number}</body>"
+    return f'<!DOCTYPE html><html lang="en"><meta charset="utf-8">{body}</html>'
 
 
 @contextmanager
 def serving(watched: FollowedProblem, port: int = 0) -> Iterator[str]:
-    """Serve the report on this machine inside the block; yields its address. Raises OSError if the port is taken."""
+    """Serve the report on this machine inside the block; yields its address. Raises InputError if the port is taken."""
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             host = self.headers.get("Host", "").rpartition(":")[0]
-            texts = {"/": watched.text, "/number": str(watched.number)}
+            texts = {"/": watched.text, "/number": str(watched.number), "/favicon.ico": ""}
             status = 403 if host not in (HERE, "localhost") else 200 if self.path in texts else 404
             body = texts[self.path].encode() if status == 200 else b""
             self.send_response(status)
@@ -78,7 +86,10 @@ def serving(watched: FollowedProblem, port: int = 0) -> Iterator[str]:
         def log_message(self, format: str, *_: object) -> None:
             pass
 
-    server = ThreadingHTTPServer((HERE, port), Handler)
+    try:
+        server = ThreadingHTTPServer((HERE, port), Handler)
+    except OSError as error:
+        raise InputError(f"--port {port} cannot be used: {error.strerror}; --port 0 takes a free one") from error
     thread = threading.Thread(target=server.serve_forever, args=(0.1,), daemon=True)
     thread.start()
     try:
@@ -91,10 +102,11 @@ def serving(watched: FollowedProblem, port: int = 0) -> Iterator[str]:
 def watch(problem: str, settings: Sequence[str], port: int, tell: Callable[[str], object]) -> None:
     """Solve, serve and look again until Ctrl-C. Raises InputError if there is no such problem."""
     watched = FollowedProblem(problem, settings)
-    tell(watched.look())
+    find(problem)  # before a page is shown
     with serving(watched, port) as address:
         tell(f"{address} shows the report and follows the file; Ctrl-C ends")
         try:
+            tell(watched.look())
             while True:
                 time.sleep(EVERY_S)
                 if sentence := watched.look():

@@ -69,6 +69,11 @@ def test_a_calibration_from_a_log(gtmodel: Commands, tmp_path: Path) -> None:
     )
     for name in ("q", "T"):
         assert np.allclose(mine.values[name], shipped.values[name], rtol=0, atol=1e-7)  # digits of the log [m]
+    np.savetxt(
+        "ends.csv", rows, "%.4f", ",", header="axis1_mm,axis2_mm,axis3_mm,tcp_x_mm,tcp_y_mm,tcp_z_mm", comments=""
+    )
+    assert gtmodel("new", "calibration", "ends", "--from", "ends.csv").code == 0  # the unit is no part of the name
+    assert 'T = { column = ["tcp_x_mm", "tcp_y_mm", "tcp_z_mm"], unit = "mm" }' in (tmp_path / "ends.toml").read_text()
     np.savetxt("bare.csv", rows, "%.4f", ",", header="a,b,c,x,y,z", comments="")
     done = gtmodel("new", "calibration", "other", "--from", "bare.csv")
     assert done.code == 2 and "cannot tell which columns are q" in done.err and not (tmp_path / "other.toml").exists()
@@ -78,6 +83,7 @@ def test_a_calibration_from_a_log(gtmodel: Commands, tmp_path: Path) -> None:
     ("words", "said"),
     [
         (("calibratoin", "x"), "did you mean 'calibration'"),
+        (("problem", "x"), "gtmodel new calibration x"),
         (("friction", "there"), "is there already"),
         (("friction", ".."), "cannot be the name"),
         (("calibration", "x", "--from", "empty.csv"), "empty.csv: is empty"),

@@ -28,6 +28,11 @@ def test_the_report_follows_the_file(tmp_path: Path) -> None:
     shutil.copy(PROBLEM, file)
     watched = FollowedProblem(str(file))
     assert watched.look().startswith("solved") and watched.look() == ""
+    with serving(FollowedProblem(str(file))) as address:
+        assert "being solved" in asked(address)[1] and asked(address, "/number") == (200, "0")
+        assert asked(address, "/favicon.ico")[0] == 200  # which every browser asks for
+        with pytest.raises(InputError, match="in use"), serving(watched, int(address.rpartition(":")[2].strip("/"))):
+            pass
     with serving(watched) as address:
         assert address.startswith(f"http://{HERE}:")
         status, first = asked(address)

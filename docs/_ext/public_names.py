@@ -14,7 +14,8 @@ LIBRARIES = [
     "kinematics.accuracy", "kinematics.assembly_modes", "kinematics.causality", "kinematics.singularity",
     "kinematics.workspace", "loop", "measurements", "mechanics", "milling", "modelica", "motion",
     "motion.axes",
-    "motion.elastic", "optimize", "predictive", "results", "robots", "simulation", "sweep", "vibration", "vision",
+    "motion.elastic", "optimize", "predictive", "results", "robots", "simulation", "sweep", "vibration", "view",
+    "vision",
     "vision.detection", "vision.rendering", "vision.stereo", "vision.robot_cameras", "workers",
 ]  # fmt: skip
 

@@ -222,7 +222,8 @@ def loop_simulation(
         run.time, {new: run[old] for old, new in names.items()},
         {new: run.units[old] for old, new in names.items() if old in run.units}, title=study.title,
     )  # fmt: skip
-    return study.with_(scenes={"motion": partial(view.scene, robot, shown)}) if view.points_of(robot) else study
+    # not "motion": trajectory.csv has other names than the robot, so that the folder holds the scene itself
+    return study.with_(scenes={"loop": partial(view.scene, robot, shown)}) if view.points_of(robot) else study
 
 
 def _reference(

@@ -38,9 +38,12 @@ def efforts_figure(
 ) -> Figure:
     """Draw measured and modelled efforts (n, m) over time and their difference, one row per target.
 
-    As in Dressler 2012, Figs. 6.5 and 6.6. Only the first `most_s` seconds are drawn.
+    As in Dressler 2012, Figs. 6.5 and 6.6. A recording whose time begins anew is drawn behind the one before it. Only
+    the first `most_s` seconds are drawn.
     """
-    rows = time <= time[0] + most_s
+    time, *efforts = _one_after_another(time, measured, modelled)
+    measured, modelled = efforts
+    rows = ~(time > time[0] + most_s)
     figure, panels = with_panels(11.0, 1.4 + PANEL_HEIGHT * len(names), len(names), 2, title=title, sharex=True,
                                  width_ratios=(2, 1))  # fmt: skip
     panels = panels.reshape(-1, 2)
@@ -54,8 +57,18 @@ def efforts_figure(
     panels[0, 1].set_title("measured - modelled, enlarged")
     key_below(figure, panels[0, 0])
     for axes in panels[-1]:
-        axes.set_xlabel("time [s]")
+        axes.set_xlabel("time [s]" if np.isfinite(time).all() else "time, recordings one after another [s]")
     return figure
+
+
+def _one_after_another(time: np.ndarray, *values: np.ndarray) -> list[np.ndarray]:
+    """Times (n,) [s] that go on where they began anew, and values (n, m); a row of NaN parts two recordings."""
+    steps = np.diff(time)
+    new = np.flatnonzero(steps <= 0) + 1
+    jumps = np.zeros(len(time))
+    if len(new):
+        jumps[new] = float(np.median(np.abs(steps))) - steps[new - 1]
+    return [np.insert(np.asarray(v, float), new, np.nan, axis=0) for v in (time + np.cumsum(jumps), *values)]
 
 
 @styled

@@ -145,6 +145,7 @@ def delay_figure(pairs: Sequence[tuple[str, np.ndarray, np.ndarray, str, float]]
     for k, (axes, (name, time, residuals, unit, delay)) in enumerate(zip(panels, pairs, strict=True)):
         axes.plot(time, residuals, color=colour(k), linestyle="none", marker=".", markersize=2)
         axes.axhline(0.0, **LIMIT)
-        axes.set(title=f"{name}: delay of {1e3 * delay:.4g} ms removed", ylabel=f"residual [{unit}]")
+        late = f"{delay:.6g} s" if abs(delay) >= 1.0 else f"{1e3 * delay:.4g} ms"
+        axes.set(title=f"{name}: delay of {late} removed", ylabel=f"residual [{unit}]")
     panels[-1].set_xlabel("time of the reference clock [s]")
     return figure

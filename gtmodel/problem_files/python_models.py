@@ -210,7 +210,7 @@ def fault(error: BaseException, what: str) -> str:
     if isinstance(error, SyntaxError):
         return f"{what} is not Python: {error.msg} ({error.filename}:{error.lineno})"
     frames = traceback.extract_tb(error.__traceback__)
-    users = [f for f in frames if "importlib" not in f.filename and not f.filename.startswith(_HERE)]
+    users = [f for f in frames if "importlib" not in f.filename and not f.filename.startswith((_HERE, "<string>"))]
     place = f" ({users[-1].filename}:{users[-1].lineno})" if users else ""
     if isinstance(error, ModelError):
         return str(error)

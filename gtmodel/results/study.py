@@ -144,8 +144,9 @@ class Study(Portable):
 
     def view(self, name: str = "") -> Any:
         """Return the robot in space with its motion, by name, the first if left out: a `gtmodel.view.RobotScene`. A
-        notebook shows it, and it writes a page. Raises ArgumentError for an unknown name, and if there is none."""
-        return _chosen(self.scenes, name, "view")()
+        notebook shows it, and it writes a page, whose note says so if the result must not be used. Raises ArgumentError
+        for an unknown name, and if there is none."""
+        return cautioned(_chosen(self.scenes, name, "view")(), self.status)
 
     def write(
         self, folder: str | Path, *, plot: bool = False, report: bool = False, write_failed: bool = False
@@ -175,6 +176,11 @@ class Study(Portable):
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.status.value}>"
+
+
+def cautioned(scene: Any, status: SolveStatus) -> Any:
+    """The scene of a result, with a note that begins with the reason why it must not be used, if there is one."""
+    return scene if status.ok else scene.with_(note=f"Not to be used: {status.message}. {scene.note}".strip())
 
 
 def _chosen(made: Mapping[str, Callable[[], Any]], name: str, what: str) -> Callable[[], Any]:

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -107,9 +108,9 @@ def files_of(study: Study, data: bytes) -> dict[str, bytes]:
         files[TRAJECTORY] = marked(TRAJECTORY, csv_bytes(study.trajectory), study.message, by="")
     for name, content in study.files.items():
         files[name] = content.encode() if isinstance(content, str) else content
-    for name, make in study.scenes.items():
+    for name in study.scenes:
         if name != MOTION:  # which follows from the trajectory
-            files[f"{name}{SCENE}"] = _scene(make)
+            files[f"{name}{SCENE}"] = _scene(partial(study.view, name))
     return files
 
 

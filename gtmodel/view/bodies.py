@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
@@ -15,10 +16,17 @@ Marker = Literal["", "disc", "ring", "cross", "square", "triangle"]
 MARKERS: tuple[Marker, ...] = ("disc", "cross", "ring", "square", "triangle")
 # Okabe-Ito, which colour-blind readers tell apart; the same as in gtmodel.plot.style, which needs matplotlib
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+HEX = re.compile(r"#[0-9a-fA-F]{6}")
 SOLID, CLEAR = "#b9c3cc", 0.4  # colour of a surface that has none, and opacity of an ellipsoid
 AROUND = 24  # corners of a circle
 MOST_DOTS = 20_000  # of one group
 MOST_ELLIPSOIDS, SHARE = 60, 0.06  # drawn, and half length of the largest one in sizes of the positions' volume
+
+
+def check_colour(colour: Any) -> None:
+    """Raise ArgumentError for a colour that is not written as "#0072b2": page and pictures read its digits."""
+    if not (isinstance(colour, str) and HEX.fullmatch(colour)):
+        raise ArgumentError(f"expected red, green and blue in hexadecimal, as '#0072b2'; found {colour!r}", "colour")
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +42,8 @@ class VisibleBody:
         name: shown in the legend and at the pointer. colour: as "#0072b2". opacity: of the faces, up to 1.
         frame: name of a frame of the scene; "" for the world.
 
-    Raises ArgumentError for numbers that are not finite, and for faces and edges of unknown vertices.
+    Raises ArgumentError for numbers that are not finite, for faces and edges of unknown vertices, and for a colour
+    that is written in another way.
 
     >>> square = gt.view.VisibleBody([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], faces=[[0, 1, 2], [0, 2, 3]])
     >>> square.closed
@@ -54,6 +63,7 @@ class VisibleBody:
         vertices = np.array(self.vertices, float).reshape(-1, 3)
         if not len(vertices) or not np.isfinite(vertices).all():
             raise ArgumentError(f"'{self.name}': expected rows of three finite numbers", "vertices")
+        check_colour(self.colour)
         object.__setattr__(self, "vertices", vertices)
         for what, size in (("faces", 3), ("edges", 2)):
             indices = np.array(getattr(self, what), int).reshape(-1, size)
@@ -120,7 +130,7 @@ def ellipsoid(
 
     >>> error = gt.view.ellipsoid(np.diag([1e-6, 4e-6, 0.0]), [0.0, 0.0, 1.0], scale=100.0)
     >>> np.ptp(error.vertices, axis=0).round(3)
-    array([0.2, 0.4, 0. ])
+    array([0.195, 0.4  , 0.   ])
     """
     C = np.array(covariance, float)
     if C.shape != (3, 3) or not np.isfinite(C).all():

@@ -121,6 +121,8 @@ class _Camera:
         points = np.vstack([*(np.reshape(p, (-1, 3)) for p in scene.points.values()), *moving])
         self.size = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
         self.low, self.high = points.min(axis=0), points.max(axis=0)
+        decade = 10.0 ** np.floor(np.log10(self.size / 8))
+        self.step = decade * next(m for m in (1, 2, 5, 10) if m * decade >= self.size / 8)  # of the floor's grid [m]
         flat = points @ self.across.T
         self.middle = (flat.min(axis=0) + flat.max(axis=0)) / 2
         self.scale = FILLED * float(np.min(np.array(self.shape) / np.maximum(np.ptp(flat, axis=0), 1e-9)))
@@ -145,31 +147,38 @@ class _Camera:
         items = [*self.parts(time), *self.bodies(time)]
         for _, draw in sorted(items, key=lambda item: item[0]):
             draw(pen)
-        self.write(pen)
+        self.write(pen, time)
         return image
 
     def floor(self, pen: Any) -> None:
         """Grid below everything, with a step of 1, 2 or 5, as on the page."""
-        decade = 10.0 ** np.floor(np.log10(self.size / 8))
-        step = decade * next(m for m in (1, 2, 5, 10) if m * decade >= self.size / 8)
+        step = self.step
         first, last = np.floor(self.low[:2] / step) - 1, np.ceil(self.high[:2] / step) + 1
         for k in (0, 1):
             for x in np.arange(first[k], last[k] + 1):
                 ends = np.array([[x, first[1 - k]], [x, last[1 - k]]])[:, [k, 1 - k]] * step
                 pen.line(self.seen(np.column_stack([ends, np.full(2, self.low[2])])), fill=FLOOR, width=FINER // 2)
 
-    def write(self, pen: Any) -> None:
-        """The legend of groups with markers, and the note."""
+    def write(self, pen: Any, time: float) -> None:
+        """Title and instant, the legend of groups with markers, and the note with the width of the grid."""
         from PIL import ImageFont
 
         font, line = ImageFont.load_default(FINER * LETTERS), FINER * LETTERS * 1.4
         groups, left, top = [b for b in self.scene.bodies if b.marker and b.name], FINER * MARGIN, FINER * MARGIN
-        for k, body in enumerate(groups):
+        times, unit = np.atleast_1d(self.scene.time), self.scene.unit
+        instant = f"{time:.2f} s" if unit == "s" else f"{unit} {time:g} of {times[-1]:g}"  # not all may be shown
+        head = ", ".join(filter(None, [self.scene.title, instant if len(times) > 1 else ""]))
+        width = self.shape[0] - 2 * left
+        heads = _lines(pen, head, font, width)
+        for k, words in enumerate(heads):
+            pen.text((left, top + k * line), words, fill="#222222", font=font)
+        for k, body in enumerate(groups, len(heads)):
             y = top + k * line
             _mark(pen, left + 2 * LETTERS / 2, y + line / 2.2, body.marker, body.colour)
             pen.text((left + 2 * LETTERS, y), body.name, fill="#222222", font=font)
-        if self.scene.note:
-            pen.text((left, self.shape[1] - line - top), self.scene.note, fill="#444444", font=font)
+        note = f"{self.scene.note} Grid: {self.step:.10g} m.".strip()
+        for k, words in enumerate(reversed(_lines(pen, note, font, width)), 1):
+            pen.text((left, self.shape[1] - k * line - top), words, fill="#444444", font=font)
 
     def parts(self, time: float) -> Iterator[Item]:
         """What joins points."""
@@ -228,6 +237,18 @@ class _Camera:
             if body.marker:
                 for (x, y), z in zip(pixels, depth, strict=True):
                     yield float(z), lambda pen, x=x, y=y, b=body: _mark(pen, x, y, b.marker, b.colour)
+
+
+def _lines(pen: Any, text: str, font: Any, width: float) -> list[str]:
+    """A text in lines that are no wider than that, in pixels."""
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}".strip()
+        if lines[-1] and pen.textlength(longer, font=font) > width:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    return lines
 
 
 def _line(pen: Any, a: tuple[float, float], b: tuple[float, float], colour: str, r: float) -> None:

@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
+import sys
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -17,7 +20,7 @@ from ..lang.declare import Declaration, Parameter
 from ..results import ArgumentError, Trajectory
 from .bodies import COLOURS, VisibleBody
 from .poses import poses_of, size_of
-from .solids import Visual, solids_of
+from .solids import MeshFile, Visual, solids_of
 from .space import RobotScene, VisiblePart
 
 Array = np.ndarray
@@ -53,8 +56,8 @@ def scene(
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> page = gt.view.scene(robot)
-    >>> page.at("plate.frame", 0.0).round(3), robot.home
-    (array([ 0.5, -0.9,  0.3]), array([ 0.5, -0.9,  0.3]))
+    >>> page.at("plate.frame", 0.0).round(3), robot.home.round(3)
+    (array([ 1.422, -0.437,  0.967]), array([ 1.422, -0.437,  0.967]))
 
     Parts with a look of their own:
 
@@ -101,7 +104,7 @@ def scene(
         if body.extent > OVERSIZE * size:
             raise ArgumentError(
                 f"the solid in '{body.frame or WORLD}' is {body.extent:.3g} m across, the robot {size:.3g} m; a mesh "
-                "in millimetres needs scale=0.001", "visual",
+                'in millimetres needs scale=0.001, in a URDF scale="0.001 0.001 0.001"', "visual",
             )  # fmt: skip
     if not parts and not bodies:
         raise ArgumentError(f"no component of {type(robot).__name__} joins two points", "robot")
@@ -115,7 +118,8 @@ def scene(
     shorter = {n: p[0] if np.ptp(p, axis=0).max() < SAME else p for n, p in points.items()}
     named = motion.title if motion is not None else ""
     name = title or named or type(robot).__name__
-    return RobotScene(shorter, parts, time, shown, limits or {}, name, frames=frames, bodies=bodies)
+    same = {n: one for n, one in one_of.items() if n != one}
+    return RobotScene(shorter, parts, time, shown, limits or {}, name, frames=frames, bodies=bodies, same=same)
 
 
 def _ending(names: Iterable[str], wanted: Sequence[str]) -> list[str]:
@@ -165,7 +169,16 @@ def _solids(flat: Any) -> Iterator[tuple[str, Any]]:
             assert visual.fget is not None
             visual = visual.fget(cls(**_numbers(flat, cls, path)))
         for frame, solid in solids_of(visual, cls.__name__):
-            yield f"{path}.{frame}" if path and frame != WORLD else frame, solid
+            yield f"{path}.{frame}" if path and frame != WORLD else frame, _beside(cls, solid)
+
+
+def _beside(cls: type[Model], solid: Any) -> Any:
+    """A mesh file of a class stands from the folder of the Python file that declares its `visual`."""
+    if not isinstance(solid, MeshFile) or Path(solid.path).is_absolute():
+        return solid
+    owner = next(c for c in cls.__mro__ if "visual" in vars(c))
+    file = getattr(sys.modules.get(owner.__module__), "__file__", None)
+    return replace(solid, path=Path(file).parent / solid.path) if file else solid
 
 
 def _numbers(flat: Any, cls: type[Model], path: str) -> dict[str, Any]:

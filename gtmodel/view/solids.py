@@ -15,7 +15,7 @@ import numpy as np
 
 from ..geometry.rotations import rotation_of_rpy
 from ..results import ArgumentError
-from .bodies import AROUND, SOLID, VisibleBody, ball
+from .bodies import AROUND, SOLID, VisibleBody, ball, check_colour
 from .mesh_file import read_mesh
 
 Array = np.ndarray
@@ -48,6 +48,7 @@ class VisibleSolid:
         for name in ("xyz", "rpy", "size"):
             if hasattr(self, name):
                 object.__setattr__(self, name, _three(getattr(self, name), name))
+        check_colour(self.colour)
 
 
 def _three(value: Any, name: str) -> tuple[float, float, float]:
@@ -138,7 +139,7 @@ class Sphere(VisibleSolid):
 class Capsule(VisibleSolid):
     """A cylinder about its z axis, of a length [m], with half a sphere at each end.
 
-    >>> print(np.ptp(gt.view.Capsule(0.05, 0.2).body().vertices, axis=0).round(3))
+    >>> print(np.ptp(gt.view.Capsule(0.05, 0.2).body().vertices, axis=0).round(2))
     [0.1 0.1 0.3]
     """
 
@@ -161,7 +162,7 @@ class MeshFile(VisibleSolid):
     """The surface in an STL or OBJ file.
 
     Args:
-        path: of the file.
+        path: of the file, from the working directory; in `visual` of a class, from the folder of its Python file.
         scale: metres for each unit of the file: one number, or three for x, y and z; 0.001 for a file in millimetres.
 
     Files of more than 5,000 triangles are drawn with fewer, by merging close vertices; more than 1,000,000 are refused.

@@ -17,10 +17,11 @@ from typing import Any, Literal
 
 import numpy as np
 
+from .._near import meant
 from ..results import ArgumentError, Trajectory
 from ..results.disk import path_of, write_whole
-from ..results.page.page import MARK
-from .bodies import VisibleBody
+from ..results.page.page import MARK, written_here
+from .bodies import VisibleBody, check_colour
 
 Shape = Literal["bar", "joint", "cart", "face", "guideway", "path", "axes"]
 DIGITS = 7  # of a coordinate behind the point: 0.1 um
@@ -28,6 +29,7 @@ SIGNIFICANT = 6  # digits of a signal
 FIRST = ("N", "N.m", "m", "rad", "m/s", "rad/s")  # units whose signals are shown first
 CHARTS = 6  # signals that are shown; the others are in trajectory.csv
 LARGEST = 6_000_000  # bytes of a page
+ENDINGS = {".html": "a page", ".png": "a picture", ".gif": "an animated picture", ".mp4": "a film"}
 # a browser refuses the page any request to a network
 ALONE = (
     "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; "
@@ -49,6 +51,10 @@ class VisiblePart:
     name: str = ""
     colour: str = ""
 
+    def __post_init__(self) -> None:
+        if self.colour:
+            check_colour(self.colour)
+
 
 @dataclass(frozen=True, eq=False)
 class RobotScene:
@@ -65,6 +71,7 @@ class RobotScene:
         note: a sentence under the title, such as the scale of what is enlarged.
         frames: by name, (n, 3, 4) at each time or (3, 4): rotation to world coordinates, and position [m].
         bodies: surfaces, lines and marks, each in a frame or in the world.
+        same: other names of points, for `at`: those that coincide at all times are one point.
 
     Raises ArgumentError for a part with an unknown point, a body with an unknown frame, and for points and frames with
     another number of times.
@@ -85,6 +92,7 @@ class RobotScene:
     note: str = ""
     frames: Mapping[str, Any] = field(default_factory=dict)
     bodies: Sequence[VisibleBody] = ()
+    same: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         count = len(np.atleast_1d(self.time))
@@ -101,8 +109,15 @@ class RobotScene:
                 raise ArgumentError(f"{part.shape} '{part.name}' joins '{unknown[0]}', which is no point", "parts")
 
     def at(self, point: str, time: float) -> np.ndarray:
-        """Return where a point is at a time [s], (3,) [m]; between two times linear, as the page shows it."""
-        return self._at(self.points[point], time, 1)
+        """Return where a point is at a time [s], (3,) [m]; between two times linear, as the page shows it.
+
+        Raises ArgumentError for an unknown point.
+        """
+        known = {**self.same, **{name: name for name in self.points}}
+        if point not in known:
+            hint = meant(point, known, f"there are {', '.join(self.points)}")
+            raise ArgumentError(f"the scene has no point '{point}'; {hint}", "point")
+        return self._at(self.points[known[point]], time, 1) + 0.0  # -0 is 0
 
     def vertices_at(self, body: VisibleBody, time: float) -> np.ndarray:
         """Return where the vertices of a body are at a time [s], (v, 3) [m]."""
@@ -193,20 +208,27 @@ class RobotScene:
         )
 
     def write(self, path: str | Path, *, time: float | None = None) -> Path:
-        """Write the page into a file, also over an older one, and return the path; a picture if the name ends in .png,
-        an animated one if it ends in .gif, and a film, which the program ffmpeg encodes, if it ends in .mp4.
+        """Write the page into a file .html, and return the path; a picture if the name ends in .png, an animated one if
+        it ends in .gif, and a film, which the program ffmpeg encodes, if it ends in .mp4.
 
-        time: of a picture [s]; by default the first. Raises ArgumentError.
+        time: of a picture [s]; by default the first. Raises ArgumentError for another ending, and for a file that
+        gtmodel did not write; its own are written over.
         """
         from . import pictures  # here: a page needs no Pillow
 
         place = path_of(path)
         times = np.atleast_1d(self.time)
+        if place.suffix not in ENDINGS:
+            known = ", ".join(f"{ending} for {what}" for ending, what in ENDINGS.items())
+            raise ArgumentError(f"{place} ends in none of {known}", "path")
+        if place.exists() and not written_here(place):
+            raise ArgumentError(f"{place} is there already and gtmodel did not write it; name another file", "path")
         if time is not None and not times[0] <= time <= times[-1]:
-            raise ArgumentError(f"the scene has {self.unit} {times[0]:g} to {times[-1]:g}; found {time:g}", "time")
-        made = {".png": lambda: pictures.png(self, time), ".gif": lambda: pictures.gif(self),
-                ".mp4": lambda: pictures.mp4(self)}  # fmt: skip
-        content = made.get(place.suffix, lambda: self.html().encode())()
+            begin, end = (f"{t:g} s" if self.unit == "s" else f"{self.unit} {t:g}" for t in (times[0], times[-1]))
+            raise ArgumentError(f"the scene begins at {begin} and ends at {end}; found {time:g}", "time")
+        made = {".html": lambda: self.html().encode(), ".png": lambda: pictures.png(self, time),
+                ".gif": lambda: pictures.gif(self), ".mp4": lambda: pictures.mp4(self)}  # fmt: skip
+        content = made[place.suffix]()
         try:
             write_whole(place, content, overwrite=True)
         except OSError as error:

@@ -100,10 +100,13 @@ const drawFloor = (g) => {
   const z = low[2], at = (x, y) => project([x * step, y * step, z]);
   for (let x = x0; x <= x1; x++) line(g, at(x, y0), at(x, y1), 0.6, "#d8d8d8");
   for (let y = y0; y <= y1; y++) line(g, at(x0, y), at(x1, y), 0.6, "#d8d8d8");
-  g.font = "12px sans-serif"; g.fillStyle = "#777";
-  for (let x = x0; x <= x1; x++) { const p = at(x, y0 - 0.3); g.fillText(Number((x * step).toPrecision(4)), p[0], p[1]); }
-  for (let y = y0; y <= y1; y++) { const p = at(x1 + 0.25, y); g.fillText(Number((y * step).toPrecision(4)), p[0], p[1]); }
-  [[[x0 + 1, y0], "x [m]"], [[x1, y0 + 1], "y [m]"]].forEach(([[x, y], text], k) => { const p = k ? at(x + 0.9, y) : at(x, y - 0.8); g.fillText(text, p[0], p[1]); });
+  // numbers at the edges that are far from the eye: these are in the picture, and the robot does not stand on them
+  const [xf, dx] = view.out[0] > 0 ? [x0, -0.35] : [x1, 0.35], [yf, dy] = view.out[1] > 0 ? [y0, -0.35] : [y1, 0.35];
+  const text = (v, axis, middle) => `${middle ? `${axis} = ` : ""}${Number((v * step).toPrecision(4))}${middle ? " m" : ""}`;
+  g.font = "12px sans-serif"; g.fillStyle = "#777"; g.textAlign = "center";
+  for (let x = x0; x <= x1; x++) if (x !== xf) { const p = at(x, yf + dy); g.fillText(text(x, "x", x === Math.round((x0 + x1) / 2)), p[0], p[1]); }
+  for (let y = y0; y <= y1; y++) if (y !== yf) { const p = at(xf + dx, y); g.fillText(text(y, "y", y === Math.round((y0 + y1) / 2)), p[0], p[1]); }
+  g.textAlign = "left";
 };
 
 // a mark of 4 pixels to each side
@@ -172,8 +175,8 @@ const drawn = () => {
     } else if (shape === "path" && Array.isArray(points[of[0]][0])) {
       const trace = points[of[0]].map(project);
       items.push([Math.max(...trace.map((q) => q[2])), (g) => {
-        g.strokeStyle = colour; g.lineWidth = 1.5; g.setLineDash([5, 3]);
-        g.beginPath(); trace.forEach((q) => g.lineTo(q[0], q[1])); g.stroke(); g.setLineDash([]);
+        g.strokeStyle = colour; g.lineWidth = 1.5; // not dashed: on a way to and fro the dashes would fill each other
+        g.beginPath(); trace.forEach((q) => g.lineTo(q[0], q[1])); g.stroke();
       }]);
     } else if (shape === "axes") {
       for (let k = 1; k < 4; k++) items.push([p[k][2] - 0.01 * size, (g) => {
@@ -204,7 +207,7 @@ const draw = () => {
   drawFloor(g);
   for (const [, paint] of drawn()) paint(g);
   charts.forEach((chart) => chart());
-  if (slider) { slider.value = frame; shown.textContent = moving ? `${timeAt(frame).toFixed(3)} s` : `${scene.unit} ${timeAt(frame)} of ${time.length}`; }
+  if (slider) { slider.value = frame; shown.textContent = moving ? `${timeAt(frame).toFixed(3)} s` : `${scene.unit} ${timeAt(frame)} of ${time.at(-1)}`; }
 };
 
 // signals beside the scene
@@ -215,10 +218,13 @@ for (const { name, unit, values, limits } of scene.signals) {
   const c = make("canvas", beside), all = [...values.flat(), ...(limits ?? [])].filter(Number.isFinite);
   c.setAttribute("role", "img"); c.setAttribute("aria-label", `${name} over time`);
   let [bottom, top] = [Math.min(...all), Math.max(...all)];
-  if (!(top - bottom > 1e-12 * Math.max(1, Math.abs(top)))) [bottom, top] = [bottom - 1, top + 1];
+  const constant = !(top - bottom > 1e-12 * Math.max(1, Math.abs(top)));
+  if (constant) [bottom, top] = [bottom - 1, top + 1];
   const ticks = [bottom, (bottom + top) / 2, top];
   [bottom, top] = [bottom - 0.06 * (top - bottom), top + 0.06 * (top - bottom)];
-  const left = 48, label = (v) => (Math.abs(v) < 1e-3 * (top - bottom) ? 0 : Number(v.toPrecision(3)));
+  // three digits, and no more decimals than the range has: numbers of one width do not run into each other
+  const decimals = constant ? 20 : Math.min(Math.max(3 - Math.floor(Math.log10(ticks[2] - ticks[0])), 0), 20);
+  const left = 48, label = (v) => Number(Number(v.toFixed(decimals)).toPrecision(3)) + 0;
   const shown = values.slice(0, 6), head = shown.length > 3 ? 32 : 18; // many values stand below the name
   charts.push(() => {
     const g = sized(c), [w, h] = [c.clientWidth, c.clientHeight - 4];

@@ -219,6 +219,24 @@ def test_frequencies_fall_with_payload_and_scale_with_springs(l1, structure):
     np.testing.assert_allclose(masses.frequencies(softer, 12), f / 2, rtol=1e-10)
 
 
+@pytest.mark.parametrize("of", ["l1", "d1", "f1"])
+def test_mode_shapes_vibrate_at_their_frequencies(of, request):
+    """K x = w^2 M x, row by row: a Rayleigh quotient alone hardly sees a wrong shape. Shapes are M-orthogonal."""
+    robot, poses = (request.getfixturevalue(of), None) if of == "l1" else request.getfixturevalue(of)
+    axis = STIFF.axis if of == "f1" else 0.0
+    s = request.getfixturevalue("structure") if poses is None else LinkStructure(poses, replace(STIFF, axis=axis))
+    masses = LinkMasses.of(robot)
+    frequencies, x = masses.shapes(s, 4)
+    K, M = s.stiffness()[0], masses.matrix(s)[0]
+    moves = np.abs(x).max(axis=0) > 0  # rigid supports stand still, and their stiffness is infinite
+    K, M, x = K[moves][:, moves], M[moves][:, moves], x[:, moves]
+    left, right = x @ K, (2 * np.pi * frequencies[:, None]) ** 2 * (x @ M)
+    np.testing.assert_allclose(left, right, rtol=0, atol=1e-7 * np.abs(left).max())
+    np.testing.assert_allclose(frequencies, masses.frequencies(s, 4)[0], rtol=1e-10)
+    energies = x @ M @ x.T
+    assert np.abs(energies - np.diag(np.diag(energies))).max() < 1e-9 * np.diag(energies).min()
+
+
 def test_a_pose_that_holds_nothing_is_nan(l1, structure):
     p = structure.poses
     flat = replace(p, T=p.a[:, :1].mean(axis=1), b=p.a + np.array([1.0, 0.0, 0.0]))  # all links parallel

@@ -11,7 +11,7 @@ from scipy.signal import cont2discrete
 
 from gtmodel.inference import autocorrelation
 from gtmodel.plot.calibration import deviations_figure, predicted_figure
-from gtmodel.plot.identification import information_figure, levels_figure
+from gtmodel.plot.identification import efforts_figure, information_figure, levels_figure
 from gtmodel.plot.milling import angle_figure, compensation_figure, lobes_figure
 from gtmodel.plot.motion import motion_figure, space_figure, swing_figure
 from gtmodel.plot.residuals import residuals_figure
@@ -30,6 +30,18 @@ def all_different(axes: Any, count: int) -> bool:
     lines = [line for line in axes.get_lines() if not line.get_label().startswith("_")]
     looks = {(line.get_color(), line.get_linestyle(), line.get_marker()) for line in lines}
     return len(lines) == len(looks) == count
+
+
+def test_no_line_joins_two_recordings() -> None:
+    """Each recording has its own clock: drawn as they are, a line would run from the end of one to the next's start."""
+    times, efforts = np.concatenate([TIME, TIME]), np.arange(40.0)[:, None]
+    lines = [line for axes in efforts_figure(times, efforts, 0.9 * efforts, ["tau"], "N").axes for line in axes.lines]
+    assert len(lines) == 3
+    for line in lines:
+        x, y = np.asarray(line.get_xdata(), float), np.asarray(line.get_ydata(), float)
+        drawn = np.isfinite(x)
+        assert np.all(np.diff(x[drawn]) > 0) and drawn.sum() == 40 and not drawn[20] and np.isnan(y[20])
+        assert np.allclose(np.diff(x[21:]), np.diff(TIME))
 
 
 def test_no_motion_is_missing_and_each_has_a_look_of_its_own() -> None:

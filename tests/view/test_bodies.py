@@ -100,6 +100,52 @@ def test_an_own_part_is_where_its_frame_is() -> None:
     assert np.allclose(points["ground.frame"], 0.0)
 
 
+def test_a_point_has_all_its_names() -> None:
+    """Frames that coincide are drawn once, and asked for by any of their names."""
+    scene = gt.view.scene(Lever(L=0.4), still=True)
+    for name in ("arm.b", "body.frame"):
+        assert np.allclose(scene.at(name, 0.0), [0.4, 0.0, 0.0])
+    with pytest.raises(gt.results.ArgumentError, match=r"did you mean 'body\.frame'"):
+        scene.at("bodi.frame", 0.0)
+
+
+def test_only_pages_and_pictures_of_gtmodel_are_written_over(tmp_path: Path) -> None:
+    scene = gt.view.scene(Lever(), still=True)
+    page = scene.write(tmp_path / "page.html")
+    assert scene.write(page) == page
+    own = tmp_path / "own.html"
+    own.write_text("mine")
+    for file in (own, tmp_path / "model.py", tmp_path / "lever.jpg"):
+        with pytest.raises(gt.results.ArgumentError) as caught:
+            scene.write(file)
+        assert caught.value.argument == "path"
+    assert own.read_text() == "mine" and not (tmp_path / "lever.jpg").exists()
+
+
+def test_a_mesh_of_a_class_lies_beside_its_python_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "robots"
+    folder.mkdir()
+    loops = [" ".join(f"vertex {x} {y} {z}" for x, y, z in CORNERS[[*t]]) for t in CUBE]
+    facets = " ".join(f"facet normal 0 0 0 outer loop {loop} endloop endfacet" for loop in loops)
+    (folder / "cube.stl").write_text(f"solid cube {facets} endsolid cube")
+    (folder / "beside.py").write_text(
+        "import gtmodel as gt\nfrom tests.view.test_bodies import Lever\n\n\nclass Own(Lever):\n"
+        '    visual = {"body.frame": gt.view.MeshFile("cube.stl", scale=0.1)}\n'
+    )
+    monkeypatch.chdir(tmp_path)
+    (body,) = gt.view.scene(gt.load_robot("robots/beside.py:Own"), still=True).bodies
+    assert np.allclose(body.corners()[-1], [0.1, 0.1, 0.1])
+
+
+@pytest.mark.parametrize("colour", ["red", "#12345", "#0072b2ff", (0, 1, 2)])
+def test_a_colour_that_no_browser_reads_is_refused(colour: Any) -> None:
+    for make in (lambda: gt.view.Sphere(0.1, colour=colour), lambda: gt.view.dots([[0.0, 0.0, 0.0]], colour=colour),
+                 lambda: gt.view.VisiblePart("joint", ("a",), colour=colour)):  # fmt: skip
+        with pytest.raises(gt.results.ArgumentError) as caught:
+            make()
+        assert caught.value.argument == "colour"
+
+
 def test_parts_of_a_model_and_the_world_have_a_look_too() -> None:
     """The lever has no drive: its free coordinate moves it."""
     scene = gt.view.scene(Bench(), visual={"lever.body.frame": gt.view.Sphere(0.03)})
@@ -211,14 +257,17 @@ MJCF = """<mujoco model="r"><compiler meshdir="parts"/><asset><mesh name="cube" 
 
 
 @pytest.mark.parametrize(("name", "text"), [("r.urdf", URDF), ("r.sdf", SDF), ("r.xml", MJCF)])
-def test_visual_shapes_of_files_are_where_their_links_are(name: str, text: str, tmp_path: Path) -> None:
+def test_visual_shapes_of_files_are_where_their_links_are(
+    name: str, text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "a.stl").write_bytes(stl(CORNERS, CUBE))
     (tmp_path / "robots").mkdir()
     place = tmp_path if name == "r.xml" else tmp_path / "robots"
     (place / name).write_text(text)
     q = np.sin(TIME)
-    for robot in (gt.load_robot(place / name), gt.robots.mechanism(place / name, driven="j")):
+    monkeypatch.chdir(place)
+    for robot in (gt.load_robot(name), gt.robots.mechanism(place / name, driven="j")):
         scene = gt.view.scene(robot, gt.Trajectory(TIME, {"q": q[:, None]}, {"q": "rad"}))
         (of_arm,) = bodies_of(scene.document()).values()
         rod, cube = of_arm
@@ -239,7 +288,8 @@ def test_a_link_with_an_unreadable_mesh_shows_its_collision_shape() -> None:
     shape = '<collision><origin xyz="0 0 1"/><geometry><box size="1 2 3"/></geometry></collision>'
     arm = gt.robots.from_urdf(text.replace("<inertial>", f"{shape}<inertial>"))
     assert arm.visual == {"link_1.after": [gt.view.Cuboid((1.0, 2.0, 3.0), xyz=(0.0, 0.0, 1.0))]}
-    assert arm.structure.notes == ("not used: 3 visual shapes",)
+    (note,) = arm.structure.notes
+    assert note.startswith("not used: 3 visual shapes (STL, OBJ")
 
 
 def test_an_ellipsoid_has_one_distance_and_a_stated_scale() -> None:

@@ -20,6 +20,7 @@ from tests.support.commands import Commands
 from tests.view.test_view import LARGEST, SAME, decoded, l1
 
 NODE = shutil.which("node")
+ROUNDED = 1e-9  # of sums of a dozen products of numbers that are not rounded in the scene
 
 
 @cache
@@ -41,7 +42,12 @@ def workspace() -> Any:
 def compliance() -> Any:
     springs = gt.compliance.Springs(links=gt.compliance.RodSprings(stiffness=2e7),
                                     carts=gt.compliance.CartSprings(drive=1e7))  # fmt: skip
-    return gt.compliance.study(gt.robots.gantry_tau("l1_tape"), springs, map=gt.compliance.ComplianceMap(step=0.4))
+    return gt.compliance.study(heavy(), springs, map=gt.compliance.ComplianceMap(step=0.4))
+
+
+def heavy() -> Any:
+    """The L1 with links of mass, which couple plate and carts: else the mass matrix is diagonal and hides faults."""
+    return gt.robots.gantry_tau("l1_tape", m_a=[1.0, 2.0, 3.0])
 
 
 @cache
@@ -99,6 +105,27 @@ def test_a_mode_moves_as_its_name_says() -> None:
     assert f"{study.frequencies[0]:.4g} Hz" in scene.title
 
 
+def test_what_a_mode_shows_vibrates_at_its_frequency() -> None:
+    """Rayleigh's quotient of the drawn motion, from the springs and masses declared: rods, drives, carts on rails."""
+    study, robot = compliance(), heavy()
+    rods, rail = np.array([1, 2, 3]), np.asarray(robot.v)[0]  # parallel rods of each link; all guideways are parallel
+    for k, name in enumerate(study.scenes):
+        scene = study.view(name)
+        plate, carts = (
+            np.array([[scene.at(f"{end} joint {n}", t) for n in (1, 2, 3)] for t in (0.0, 0.5)])
+            for end in ("plate", "cart")
+        )
+        u, c = plate[1] - plate[0], carts[1] - carts[0]
+        assert np.abs(np.cross(c, rail)).max() < SAME  # the guideways are rigid
+        along = (plate[0] - carts[0]) / np.linalg.norm(plate[0] - carts[0], axis=1)[:, None]
+        stretch = np.sum(along * (u - c), axis=1)
+        stiffness = np.sum(2e7 * rods * stretch**2) + 1e7 * np.sum(c**2)
+        masses = (
+            robot.m_p * u[0] @ u[0] + robot.m_c @ np.sum(c**2, axis=1) + robot.m_a @ np.sum((u + c) ** 2, axis=1) / 4
+        )
+        assert np.isclose(np.sqrt(stiffness / masses) / (2 * np.pi), study.frequencies[k], rtol=ROUNDED), name
+
+
 def test_postures_reach_the_same_pose() -> None:
     study = postures()
     scene = study.view()
@@ -109,6 +136,28 @@ def test_postures_reach_the_same_pose() -> None:
     assert np.allclose(where, where[0], rtol=0, atol=SAME)
     elbow = np.asarray(scene.points["link_1.after"])
     assert np.ptp(elbow, axis=0).max() > 0.1  # by different ways
+
+
+def test_a_path_of_an_arm_plays_in_the_chosen_postures() -> None:
+    arm = gt.robots.serial_arm(a=[0.4, 0.3, 0.0], alpha=[0.0, np.pi, 0.0], joints="rrp")
+    way = np.column_stack([np.linspace(0.4, 0.6, 5), np.full(5, 0.3), np.full(5, -0.1)])
+    scene = gt.kinematics.postures_study(arm, gt.kinematics.ToolPoses(way), path=True).view("path")
+    tool = next(part for part in scene.parts if part.shape == "path").points[0]
+    assert scene.unit == "pose" and np.allclose([scene.at(tool, k) for k in scene.time], way, rtol=0, atol=SAME)
+
+
+def test_a_folder_of_a_closed_loop_moves_as_it_was_simulated(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    gtmodel = Commands(capsys)
+    assert gtmodel("solve", "loop_simulation", "--out", "loop").code == 0
+    assert gtmodel("view", "loop").code == 0
+    _, points = decoded(Path("loop.html").read_text())
+    table = np.loadtxt("loop/trajectory.csv", delimiter=",", comments=("#", "time"))
+    robot = gt.robots.gantry_tau("l1_tape")
+    T, _ = robot.causal(known="q", targets="T")(table[[0, -1], 4:7])
+    assert np.allclose(np.asarray(points["arm[0].tip"])[[0, -1]], T, atol=1e-6)
 
 
 def test_a_document_gives_the_scene_again() -> None:
@@ -149,6 +198,26 @@ def test_result_folders_are_shown(capsys: pytest.CaptureFixture[str], tmp_path: 
     assert motion is not None and np.allclose(points[[*points][tool]][-1], motion["robot.T"][-1], atol=SAME)
 
 
+def test_what_must_not_be_used_says_so_in_space_too(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    gtmodel = Commands(capsys)
+    bar = gt.view.RobotScene({"a": [0.0, 0.0, 0.0]}, [], note="A bar.")
+    for status in gt.SolveStatus:
+        study = gt.results.Study(status=status, scenes={"bar": lambda: bar})
+        note = study.view().note
+        assert note.endswith("A bar.") and status.ok == (note == "A bar.") and (status.ok or status.message in note)
+        study.write(status.value)
+        stored = json.loads(Path(status.value, "bar.scene.json").read_text())
+        assert stored["note"] == note
+    assert gtmodel("solve", "l1_drop", "--set", "final_time_s=0.2", "--set", "tolerance=1e-3", "--out", "drop").code < 2
+    result = json.loads(Path("drop/result.json").read_text())
+    Path("drop/result.json").write_text(json.dumps(result | {"status": "interrupted"}))
+    assert gtmodel("view", "drop").code == 0
+    assert "the run was stopped early" in decoded(Path("drop.html").read_text())[0]["note"]
+
+
 def test_a_scene_that_cannot_be_drawn_loses_no_result(tmp_path: Path) -> None:
     def broken() -> None:
         raise RuntimeError("not today")
@@ -173,6 +242,21 @@ def test_pictures_and_films(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(shutil, "which", lambda name: None)
     with pytest.raises(gt.results.ArgumentError, match="needs the program ffmpeg"):
         scene.write(tmp_path / "film.mp4")
+
+
+def test_a_picture_says_what_it_shows_within_its_width() -> None:
+    """Without a page around it: title, which of the poses, note and width of the grid, in lines."""
+    from PIL import Image
+
+    def dark(scene: Any, time: float) -> Any:
+        content = pictures.png(scene, time, width=200, height=240)
+        return np.asarray(Image.open(io.BytesIO(content)).convert("L")) < 130
+
+    empty = gt.view.RobotScene({"a": [0.0, 0.0, 0.0], "b": [0.1, 0.1, 0.1]}, [], time=[1.0, 2.0], unit="mode")
+    first, second = (dark(empty.with_(title="Modes"), t) for t in (1.0, 2.0))
+    assert first[:40].any() and np.any(first != second)  # by the number of the mode alone
+    one, many = (dark(empty.with_(note=note), 1.0) for note in ("A note.", "Words of a long note. " * 10))
+    assert not many[:, -8:].any() and not one[:-30].any(axis=1)[40:].any() and many[:-60].any(axis=1)[40:].any()
 
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="no ffmpeg here")

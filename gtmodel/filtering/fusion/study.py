@@ -439,7 +439,7 @@ def _figures(
 
 
 def _in_space(scene: Scene, f: _Fused, title: str) -> view.RobotScene:
-    """True and fused path, and the filter's uncertainty at some instants."""
+    """True and fused path, and the filter's deviations along x, y and z at some instants."""
     true, fused, spread = scene.motion.p[: len(f.run.time)], f.run["p"], f.run.deviation["p"]
     rows = np.unique(np.linspace(0, len(true) - 1, SEGMENTS + 1).round().astype(int))
     first = int(np.searchsorted(f.run.time, settled(scene)))  # the start is uncertain and would hide all others
@@ -447,6 +447,8 @@ def _in_space(scene: Scene, f: _Fused, title: str) -> view.RobotScene:
     drawn, note = view.ellipsoids(fused[marked], spread[marked, :, None] ** 2 * np.eye(3))
     way = view.lines(true[rows[:-1]], true[rows[1:]], name="true path", colour="#000000")
     marks = view.dots(fused[marked], name="fused position")
+    if note:
+        note += " They ignore correlations between x, y and z, which the filter has but does not keep."
     return view.around(None, [way, marks, *drawn], title=title, note=f"{note} Line: true path; synthetic data.".strip())
 
 

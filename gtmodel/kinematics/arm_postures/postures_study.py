@@ -114,11 +114,12 @@ def postures_study(
         R = rows.R
         way = along_path(chain, solutions, rows.T, R, limits=limits, near=start, largest_step=step)
     study = _study_of(case, solutions, way, work)
-    return (
-        study.with_(scenes={"postures": partial(_in_space, robot, study, "rad" if np.all(chain.revolute) else "1")})
-        if study.each
-        else study
-    )
+    unit = "rad" if np.all(chain.revolute) else "1"
+    if study.each:
+        return study.with_(scenes={"postures": partial(_in_space, robot, study, unit)})
+    if not np.isfinite(study.chosen).all(axis=1).any():
+        return study
+    return study.with_(scenes={"path" if path else "poses": partial(_chosen_in_space, robot, study, unit)})
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,6 +255,16 @@ def _in_space(robot: Model, study: PosturesStudy, unit: str) -> view.RobotScene:
     names = "; ".join(f"{k}: {row['name']}" for k, row in enumerate(study.each, 1))
     drawn = view.scene(robot, rows, title=study.title or "postures")
     return drawn.with_(unit="posture", note=f"Postures by number, {names}.")
+
+
+def _chosen_in_space(robot: Model, study: PosturesStudy, unit: str) -> view.RobotScene:
+    """The arm in the chosen posture of one pose after the other."""
+    there = np.isfinite(study.chosen).all(axis=1)
+    rows = Trajectory(1.0 + np.flatnonzero(there), {"q": study.chosen[there]}, {"q": unit})
+    drawn = view.scene(robot, rows, title=study.title or "postures")
+    shown, all_ = len(np.atleast_1d(drawn.time)), len(study.chosen)
+    part = "" if shown == all_ else f" {shown} of {all_} poses are shown."
+    return drawn.with_(unit="pose", note=f"The chosen posture of each pose.{part}")
 
 
 def _stopped(case: _Case, work: Work) -> PosturesStudy:

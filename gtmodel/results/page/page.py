@@ -26,11 +26,17 @@ if TYPE_CHECKING:
 
 REPORT = "report.html"
 MARK = '<meta name="generator" content="gtmodel">'
+ENDS = 1000  # bytes at the beginning and, of a film, at the end in which gtmodel says that it wrote a file
 LARGEST = 2_000_000  # bytes of a page, which is sent by mail
 LONGEST = 240  # characters of a value in a table of keys
 RIGHT, FAILED = ' class="n"', '<tr class="failed">'
 RESIDUALS, FEW = "residuals_of_the_fit", 12  # fewer residuals show no distribution
 VERDICT, ASSUMED = "verdict", "assumed"  # labels of rows that belong to other sections
+
+
+def written_here(file: Path) -> bool:
+    """Return True for a page, picture or film of gtmodel."""
+    return file.is_file() and MARK.encode() in (content := file.read_bytes())[:ENDS] + content[-ENDS:]
 
 
 @dataclass(frozen=True)
@@ -205,9 +211,9 @@ def _pictures(study: Study, drawings: Mapping[str, Drawing]) -> list[str]:
 def _in_space(study: Study) -> list[str]:
     """The robot with its motion, to be turned and played within the page."""
     lines = ["<h2>In space</h2>"] if study.scenes else []
-    for make in study.scenes.values():
+    for name in study.scenes:
         try:
-            lines.append(make()._repr_html_())
+            lines.append(study.view(name)._repr_html_())
         except ArgumentError as error:  # such as a motion beyond the reach, which a failed check reports
             lines.append(_part(f"Not drawn: {error.message}."))
     return lines

@@ -219,7 +219,9 @@ def _with_meshes(urdf: Urdf, folder: Path) -> Urdf:
             if isinstance(solid, MeshFile) and path is None:
                 missing.append(f"'{solid.path}' of link '{name}'")
             else:
-                kept.append(replace(solid, path=str(path)) if isinstance(solid, MeshFile) else solid)
+                kept.append(
+                    replace(solid, path=str(path.absolute())) if isinstance(solid, MeshFile) and path else solid
+                )
         links[name] = replace(link, visuals=tuple(kept))
     if missing:
         more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""

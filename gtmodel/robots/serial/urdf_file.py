@@ -51,7 +51,8 @@ ATTRIBUTES: dict[str, tuple[str, str]] = {
 UNIT_NORM = 1e-3  # tolerance of a quaternion's norm, for rounded digits
 # elements that no equation needs, with their names in the notes
 LEFT_OUT = {
-    "visual": "visual shapes", "collision": "collision meshes", "transmission": "transmissions",
+    "visual": "visual shapes (STL, OBJ, boxes and round ones are drawn)",
+    "collision": "collision meshes", "transmission": "transmissions",
     "gazebo": "Gazebo elements", "safety_controller": "safety controllers", "calibration": "calibration marks",
     "material": "materials", "ros2_control": "ros2_control elements", "sensor": "sensors",
 }  # fmt: skip
