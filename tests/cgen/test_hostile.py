@@ -35,7 +35,7 @@ FUNCTIONS = {
     "f1_controller": ("fk", "ik", "velocity"),
 }
 CASES = [(problem, key) for problem, keys in FUNCTIONS.items() for key in keys]
-FEW, MANY = 900, 100_000
+FEW, MANY = 500, 100_000
 # wrong: metres of a link's length, and rates or forces over the size of their terms
 WRONG_M = {"double": 1e-6, "float": 1e-3}
 WRONG_RATE = {"double": 1e-9, "float": 1e-3}

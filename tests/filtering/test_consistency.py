@@ -140,7 +140,7 @@ def seen(case: Case, drawn: F.Drawn) -> tuple[bool, tuple[str, ...], bool]:
     return F.consistency(run, blame=False).consistent, search.named, "tracker.offset" in search.unseen
 
 
-ORDINARY = ("acc.offset", "jerk.density", "arm")  # the others are proofs: each costs seconds
+ORDINARY = ("acc.offset", "arm")  # the others are proofs: each costs seconds
 
 
 def mostly_proofs(faults: dict[str, object]) -> list[object]:
@@ -174,6 +174,7 @@ def test_the_size_of_a_named_fault_is_right(space):
     assert np.all(np.abs(arm.value - [0.01, 0.0, 0.0]) < 4 * arm.deviation + 2e-4)  # linearised at 0.2 mm
 
 
+@pytest.mark.proof
 def test_the_likelihood_finds_the_noise(plane):
     drawn = plane.drawn(seed=8)
     doubtful = plane.system.with_({"jerk": 3.0}, {"tracker": 1e-5})

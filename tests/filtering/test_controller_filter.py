@@ -25,7 +25,7 @@ HOSTILE = 4000
 # of a step of 18 states and 12 numbers, which may only fall
 MOST_BYTES, MOST_INSTRUCTIONS = 11_800, 60_000  # 59,600; libm counts a few more on a processor without FMA
 # steps of a run; ten thousand in `make proof`
-STEPS = 300
+STEPS = 150
 DEVIATIONS = {"p": 1e-3, "v": 0.1, "a": 1.0, "Q": 0.01, "w": 0.1, "alpha": 10.0}
 
 
@@ -162,7 +162,7 @@ def in_numbers_of(made: ControllerFilter, rows: np.ndarray, real: Real) -> np.nd
 @pytest.mark.parametrize("name", list(MADE))
 def test_c_and_its_twin_hold_the_same_bytes(name: str, real: str, libraries: dict) -> None:
     made, loaded = libraries[name, real]
-    steps = (600 if made.plan.errors < 10 else STEPS) if real == "double" else 100 if made.plan.errors < 10 else 40
+    steps = (300 if made.plan.errors < 10 else STEPS) if real == "double" else 100 if made.plan.errors < 10 else 40
     rows = in_numbers_of(made, a_run(made, steps, seed=3), loaded.face.real)
     twin = made.twin(loaded.face.real)
     start, mine, out = states_of(loaded)

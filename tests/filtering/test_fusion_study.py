@@ -83,6 +83,7 @@ def test_printed_errors_stand_beside_ours_where_the_numbers_are_the_same(consist
     assert printed_errors(path, F.FusionSensors(arm_error=1e-3)) == ("", {})
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("duration", "seed"),
     [(2.0, 1), *(pytest.param(F.TrackedPath().duration, seed, marks=pytest.mark.proof) for seed in range(1, 9))],

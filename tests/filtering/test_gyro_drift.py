@@ -56,6 +56,7 @@ def judged(recording: AttitudeRecording, **other: Any) -> Any:
     return gt.filtering.attitude_study(recording, judging)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("condition", "word", "per"),
     [pytest.param("linear", "drift", 1.0, marks=pytest.mark.proof), ("temperature", "thermal", 2.0)],
