@@ -40,7 +40,7 @@ def block_of(law: Controller) -> type[SampledBlock]:
     begun = law.begin()
     memory = _flat(law, begun.state)
 
-    members = [StepMember(k.name) for k in states] or law.readings
+    members = [StepMember(k.name, unit=k.unit) for k in states] or law.readings
     declared: dict[str, Any] = {_plain(k.name): input(k.size, unit=_unit(k.unit)) for k in (*members, *law.goals)}
     for k in shown:
         declared[_output(law, k)] = output(0.0 if k.size is None else np.zeros(k.size), unit=_unit(k.unit))
