@@ -6,6 +6,7 @@ the servo that makes the forces are one matrix. Its spectral radius tells whethe
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -77,7 +78,7 @@ class ClosedLoop:
         sizes = [n, n if o is not None else 0, nd, delay * m, delay * 2 * k, k]
         ends = np.cumsum([0, *sizes])
         unit = np.eye(ends[-1])
-        state, hat, d, past, pipe, before = (unit[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True))
+        state, hat, d, past, pipe, before = (unit[a:b] for a, b in pairwise(ends.tolist()))
         A, B = self.after
         if o is None:
             hat = state
@@ -153,7 +154,7 @@ def _radius(rows: list[Any]) -> float:
 
 
 def joint_places(program: Discretised) -> list[slice] | None:
-    """Places of q, der(q) and der(q,2) of the measured axes among the outputs; None if the law of the loop lacks any."""
+    """Places of q, der(q), der(q,2) of the axes among the outputs; None if the law of the loop lacks any."""
     s = program.statement
     if len(s.sensors) != 1 or program.observer is None or len(s.inputs) != 1 or s.sensors[0].size != s.v.numel():
         return None

@@ -448,7 +448,8 @@ class Controller(StepFunction, Portable):
         """Return a closed loop for `gt.simulate`: the plant as part `plant`, this controller as part `law`.
 
         plant: the model, or another one with the same inputs and measured variables, such as one with other masses.
-        References are inputs of the loop, law.NAME_goal. For a controller with preview use `block`.
+        References are inputs of the loop, law.NAME_goal. A cycle that ends in another status than OK ends the
+        simulation as failed. For a controller with preview use `block`.
 
         Raises ArgumentError for a controller with preview, and ModelError if the inputs are not the plant's own.
         """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -94,8 +95,12 @@ class Ride:
     plant: DisturbedPlant
     report: dict[str, Any] = field(default_factory=dict)
 
+    @cached_property
+    def rows(self) -> np.ndarray:
+        return rows_of(self.log)
+
     def __getitem__(self, name: str) -> np.ndarray:
-        return rows_of(self.log)[:, COLUMNS.index(name)]
+        return self.rows[:, COLUMNS.index(name)]
 
     def axes(self, name: str) -> np.ndarray:
         """Column of each axis, (cycles, 3)."""
