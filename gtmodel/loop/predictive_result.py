@@ -11,8 +11,8 @@ import numpy as np
 from ..results import Check, Quantity, Row, at_least, at_most
 from ..results.study import to_inherit
 from .loop_result import LoopStudy
-from .predictive_law import PLAN_COUNTERS
 from .one_run import inertia_of
+from .predictive_law import PLAN_COUNTERS
 from .process import COLUMNS, rows_of
 
 if TYPE_CHECKING:
