@@ -37,7 +37,7 @@ def servo_command(
     return (wanted + (kp / 2.0 + rate) * before) / (1.5 * kp + rate)
 
 
-class ClosedLoop:
+class LinearCycle:
     """Slopes of a controller at rest at its targets."""
 
     def __init__(self, program: Discretised) -> None:
@@ -50,8 +50,8 @@ class ClosedLoop:
         columns = [after, shown, rates, forces]
         slopes = [ca.jacobian(e, ca.vertcat(s.x, s.v)) for e in columns]
         f = ca.Function("slopes", [s.x, s.v, s.p], slopes)
-        found = [np.asarray(ca.DM(v).full()) for v in f(rest.x, rest.w, s.targets)]
-        self.after, self.shown, self.rates, self.forces = ((v[:, : self.n], v[:, self.n :]) for v in found)
+        values = [np.asarray(ca.DM(v).full()) for v in f(rest.x, rest.w, s.targets)]
+        self.after, self.shown, self.rates, self.forces = ((v[:, : self.n], v[:, self.n :]) for v in values)
         self.gain = self._gain()
 
     def _gain(self) -> np.ndarray:

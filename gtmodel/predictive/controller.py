@@ -21,7 +21,7 @@ from ..results.agreement import Within, agree
 from ..results.refusal import ArgumentError
 from ..results.status import Status
 from .block import block_of, closed_loop
-from .closed_loop import ClosedLoop, joint_places
+from .closed_loop import LinearCycle, joint_places
 from .converged import ConvergedPlan, converged
 from .cycle import CycleTwin, kernels_of, text_of
 from .discretised import Discretised
@@ -265,8 +265,8 @@ class Controller(StepFunction, Portable):
         return [text, f"- under servos that make the forces it is stable up to {servo:.3g} rad/s of an axis"]
 
     @cached_property
-    def _closed_loop(self) -> ClosedLoop:
-        return ClosedLoop(self.program)
+    def _closed_loop(self) -> LinearCycle:
+        return LinearCycle(self.program)
 
     @cached_property
     def fastest_servo(self) -> float | None:

@@ -310,9 +310,9 @@ class _Assembly:
         ]
         measured = ca.vertcat(SX(0, 1), *self.moved([e for s in reader.sensors for e in at[s.name]], False))
         names = [declared_name(flat, problem.base.alias, pair)[0] for pair in problem.state_pairs]
-        found = [flat.lookup(name) for name in names]
+        places = [flat.lookup(name) for name in names]
         states = [NamedVariable(name, 1, _unit(flat, own[0], order))
-                  for name, (_, own, order) in zip(names, found, strict=True)]  # fmt: skip
+                  for name, (_, own, order) in zip(names, places, strict=True)]  # fmt: skip
         if ca.depends_on(measured, self.w):
             raise ArgumentError("expected variables that the inputs do not change at once", "measured")
         inputs = self._inputs()
