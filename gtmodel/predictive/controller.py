@@ -318,7 +318,7 @@ class Controller(StepFunction, Portable):
             if gain.shape not in ((), (m,)) or not (fine and np.all(np.isfinite(gain))):
                 raise ArgumentError(f"expected {m} numbers of {least}; found {value!r}", name)
             gains.append(gain)
-        return self._closed_loop.radius(*gains, sends_speed)
+        return self._closed_loop.radius(gains[0], gains[1], sends_speed)
 
     def examples(self, rows: int, seed: int, real: Real) -> np.ndarray:
         """Return readings and references near the standstill, some not finite."""
