@@ -153,6 +153,7 @@ class GeneratedPlan:
 
     goals: (signal, member, size) of the references of one stage. rows: stages with references of their own, and the
     end, or 1. stage_ms: length of a stage [ms]. limits: names, in the order of the bits that the law logs.
+    fastest_servo: up to which the loop is stable near the targets [rad/s]; None: unknown.
     """
 
     symbol: str
@@ -166,6 +167,7 @@ class GeneratedPlan:
     limits: Sequence[str]
     max_iterations: int
     scalars: frozenset[str]
+    fastest_servo: float | None = None
 
     @property
     def columns(self) -> int:
@@ -198,6 +200,7 @@ def plan_of(content: Mapping[str, Any], axes: int) -> GeneratedPlan | None:
                 step["symbol"], readings[0]["member"], {k: given[v] for k, v in wanted.items()}, goals, rows,
                 round(times[0]), round(times[1]) if facts["preview"] else 0, facts["delay"], facts["limits"],
                 facts["max_iterations"], frozenset(m["member"] for m in step["inputs"] if m["count"] == 1),
+                facts.get("fastest_servo_rad_s"),
             )  # fmt: skip
     return None
 

@@ -227,7 +227,7 @@ def study(
         if built is not None:
             built_before(Path(built), place)
         program = build(Path(folder), place, joints or 3, bool(joints))
-        planning = _planning(Path(folder), joints or 3) if law == "predictive" else None
+        planning = _planning(Path(folder), joints or 3, bool(joints)) if law == "predictive" else None
         cycles = max(1, round(1000 * seconds / CYCLE_MS))
         try:
             if lead_through is not None and law == "lead_through":
@@ -331,7 +331,7 @@ def _title_of(known: PlantStart | None, law: str) -> str:
     return known.title
 
 
-def _planning(folder: Path, axes: int) -> GeneratedPlan:
+def _planning(folder: Path, axes: int, joints: bool) -> GeneratedPlan:
     """The predictive controller of a folder, beside what it is compared with. Raises ArgumentError."""
     content = manifest_of(folder)
     plan = plan_of(content, axes)
@@ -340,8 +340,9 @@ def _planning(folder: Path, axes: int) -> GeneratedPlan:
             f"the folder has no predictive controller with a period of {CYCLE_MS} ms that measures q alone and returns "
             "q, der(q), der(q,2) and tau; add such a table [[predictive]] to the problem", "folder",
         )  # fmt: skip
-    if "gt_loop_model_inverse_dynamics" not in adapter(content, axes):
-        raise ArgumentError("computed torque, for comparison, needs a function from T to tau; add it", "folder")
+    if "gt_loop_model_inverse_dynamics" not in adapter(content, axes, joints):
+        known = "q" if joints else "T"
+        raise ArgumentError(f"computed torque, for comparison, needs a function from {known} to tau; add it", "folder")
     return plan
 
 

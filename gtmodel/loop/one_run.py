@@ -284,15 +284,20 @@ JOINT_RATE = 150.0  # rad/s: natural frequency of the servo of each joint, with 
 JOINT_DAMPING = 1.0  # of the servo
 
 
-def joint_servo(robot: Model, q: np.ndarray) -> Servo:
-    """Return a servo of the joints, by the diagonal of the mass matrix at q (n,) [rad]."""
+def inertia_of(robot: Model, q: np.ndarray) -> np.ndarray:
+    """Return the inertia of each axis at q (n,), with the others held."""
     n = len(q)
     inverse = compile_causal(robot, known="q", targets="tau")
     rows = np.vstack([np.zeros(n), np.eye(n)])
     tau, status = inverse(np.tile(q, (n + 1, 1)), np.zeros((n + 1, n)), rows)
     if np.any(status != Status.OK):
         raise LoopError("the torques at the start of the reference cannot be computed")
-    inertia = np.diag(tau[1:] - tau[0])
+    return np.diag(tau[1:] - tau[0])
+
+
+def joint_servo(robot: Model, q: np.ndarray) -> Servo:
+    """Return a servo of the joints, by the diagonal of the mass matrix at q (n,) [rad]."""
+    inertia = inertia_of(robot, q)
     return Servo(tuple((JOINT_RATE**2 * inertia).tolist()), tuple((2 * JOINT_DAMPING * JOINT_RATE * inertia).tolist()))
 
 

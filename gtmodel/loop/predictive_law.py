@@ -10,6 +10,7 @@ import numpy as np
 from .._lazy import hint
 from ..cgen.real import DOUBLE
 from ..cgen.steps.function import record
+from ..predictive.closed_loop import servo_command
 from ..results.refusal import ArgumentError
 from ..results.status import Status
 from .exchange import AXES, Command, RobotFeedback
@@ -152,16 +153,8 @@ class PredictiveLaw:
         period = self.cycle_ms / 1000.0
         command.along_path = False
         for n in range(self.axes):
-            kp, kd, force = self.kp_N_m[n], self.kd_N_s_m[n], cycle["force"][n]
-            q, dq, ddq = (cycle[key][n] for key in ("position", "speed", "acceleration"))
-            speed = dq - ddq * (period / 2.0)
-            position = (q - dq * (period / 2.0)) + ddq * ((period * period) / 6.0)
-            before = command.position_m[n]
-            if self.sends_speed:
-                # the speed that is sent is the way from the command before over the period
-                rate = kd / period
-                wanted = (force + kp * position) + kd * speed
-                command.position_m[n] = (wanted + (kp / 2.0 + rate) * before) / (1.5 * kp + rate)
-            else:
-                command.position_m[n] = position + (force + kd * speed) / kp
+            q, dq, ddq, force = (cycle[key][n] for key in ("position", "speed", "acceleration", "force"))
+            command.position_m[n] = servo_command(
+                force, q, dq, ddq, command.position_m[n], self.kp_N_m[n], self.kd_N_s_m[n], period, self.sends_speed
+            )
             command.speed_m_s[n] = dq

@@ -10,7 +10,7 @@ import numpy as np
 from .._lazy import hint
 from ..cgen.steps.function import StepMember
 from ..lang.declare import discrete, input, output, part
-from ..lang.events import SampledBlock
+from ..lang.events import SampledBlock, terminate, when
 from ..lang.functions import der
 from ..lang.model import Model, dependent
 from ..results.agreement import described
@@ -21,6 +21,12 @@ if TYPE_CHECKING:
     from .controller import Controller
 else:
     Controller = hint("gtmodel.predictive.controller", "Controller")
+
+
+GAVE_UP = (
+    "the predictive controller has no solution or no usable reading: the state is far beyond a soft limit (raise "
+    "max_iterations), a reading jumps for more cycles than patience, or the model has left its domain"
+)
 
 
 def _plain(name: str) -> str:
@@ -40,7 +46,7 @@ def block_of(law: Controller) -> type[SampledBlock]:
     begun = law.begin()
     memory = _flat(law, begun.state)
 
-    members = [StepMember(k.name) for k in states] or law.readings
+    members = [StepMember(k.name, unit=k.unit) for k in states] or law.readings
     declared: dict[str, Any] = {_plain(k.name): input(k.size, unit=_unit(k.unit)) for k in (*members, *law.goals)}
     for k in shown:
         declared[_output(law, k)] = output(0.0 if k.size is None else np.zeros(k.size), unit=_unit(k.unit))
@@ -113,6 +119,7 @@ def closed_loop(law: Controller, plant: Model) -> Model:
             yield _variable(self.plant, k.name) == getattr(self.law, _plain(k.name))
         for name in readings:
             yield getattr(self.law, _plain(name)) == _variable(self.plant, name)
+        yield when(self.law.failed < 0, terminate(GAVE_UP, failed=True))
 
     declared: dict[str, Any] = {
         "plant": part(dependent(plant, *[k.name for k in law.commands])),

@@ -21,6 +21,7 @@ from ..results.agreement import Within, agree
 from ..results.refusal import ArgumentError
 from ..results.status import Status
 from .block import block_of, closed_loop
+from .closed_loop import LinearCycle, joint_places
 from .converged import ConvergedPlan, converged
 from .cycle import CycleTwin, kernels_of, text_of
 from .discretised import Discretised
@@ -228,6 +229,7 @@ class Controller(StepFunction, Portable):
         return {"numbers": numbers, "stages": program.qp.count, "max_iterations": program.qp.max_iterations,
                 "length_ms": 1e3 * horizon.stage, "preview": horizon.preview, "limits": self.limits,
                 "causality": program.statement.causality, "delay": horizon.delay, "patience": horizon.patience,
+                "spectral_radius": _short(self.radius()), "fastest_servo_rad_s": _short(self.fastest_servo),
                 "kernels": text}  # fmt: skip
 
     def notes(self) -> list[str]:
@@ -241,12 +243,77 @@ class Controller(StepFunction, Portable):
             f"- planned within their limits, exactly in the linearised stages: {', '.join(hard) or 'nothing'}",
             f"- within their limits if the price allows it: {', '.join(soft) or 'nothing'}",
             "- not promised: stability, except near the targets with the terminal cost",
+            *self._settling(),
             f"- without a solution or a usable reading it follows its last plan, up to {horizon.patience} cycles in a "
             "row; then:",
             "- GT_STALE_INPUT: no usable reading",
             "- GT_NOT_CONVERGED, GT_SINGULAR: no solution of the quadratic program",
             "- GT_NOT_FINITE: a reference or the first reading is not finite, or the numbers of the program overflow",
         ]
+
+    def _settling(self) -> list[str]:
+        radius, servo = self.radius(), self.fastest_servo
+        text = f"- near the targets: the closed loop with the model as plant has a spectral radius of {radius:.3g}"
+        text += "" if radius < 1 else ", so it does not settle"
+        if servo is None:
+            return [text]
+        return [text, f"- under servos that make the forces it is stable up to {servo:.3g} rad/s of an axis"]
+
+    @cached_property
+    def _closed_loop(self) -> LinearCycle:
+        return LinearCycle(self.program)
+
+    @cached_property
+    def fastest_servo(self) -> float | None:
+        """Natural frequency of an axis [rad/s] up to which servos leave the loop stable; None: not for such a loop.
+
+        Servos of damping 0.5 and 1, over EGM and RSI, each axis with the others held; see `radius`.
+        """
+        return self._closed_loop.fastest_servo()
+
+    def radius(self, kp: Any = None, kd: Any = None, *, sends_speed: bool = True) -> float:
+        """Return the spectral radius of a cycle near the targets, no limit active; the loop settles if it is below 1.
+
+        Args:
+            kp, kd: servo of each measured axis [N/m, N s/m or N m, N m s], as the law "predictive" of `gtmodel loop`
+                has it; left out, the plant takes the inputs of the controller. The filter knows no servo: the stiffer
+                it is, the larger the deviation of the readings must be.
+            sends_speed: the servo receives speeds too, as over EGM.
+
+        Raises ArgumentError for one of both, or for a controller that this law cannot use.
+
+        >>> class Cart(gt.Model):
+        ...     m = gt.parameter(40.0, unit="kg")
+        ...     q = gt.variable(unit="m")
+        ...     tau = gt.input(unit="N")
+        ...     def equations(self):
+        ...         yield self.m * gt.der(self.q, 2) == self.tau
+        >>> law = gt.predictive.controller(
+        ...     Cart(), gt.predictive.ControlHorizon(period=0.004, stages=12, length=0.02, delay=2),
+        ...     tolerances={"q": 0.001, "der(q)": 0.5, "tau": 200.0}, targets={"q": 0.0},
+        ...     measured={"q": gt.predictive.Measurement(1e-5)}, disturbance={"tau": 100.0},
+        ...     outputs=["q", "der(q)", "der(q,2)"],
+        ... )
+        >>> servo = 40.0 * 200.0**2, 2 * 0.6 * 200.0 * 40.0  # 200 rad/s
+        >>> bool(law.radius() < 1), bool(law.radius(*servo) < 1)
+        (True, False)
+        """
+        if (kp is None) != (kd is None):
+            raise ArgumentError("expected stiffness and damping of the servo, or neither", "kd" if kd is None else "kp")
+        if kp is None:
+            return self._closed_loop.radius()
+        if joint_places(self.program) is None:
+            raise ArgumentError(
+                "expected a controller of tau that measures q alone and returns q, der(q), der(q,2)", "kp"
+            )
+        gains = []
+        for name, value, least in (("kp", kp, "more than 0"), ("kd", kd, "at least 0")):
+            gain, m = numbers(value, name), self.program.statement.v.numel()
+            fine = np.all(gain > 0) if name == "kp" else np.all(gain >= 0)
+            if gain.shape not in ((), (m,)) or not (fine and np.all(np.isfinite(gain))):
+                raise ArgumentError(f"expected {m} numbers of {least}; found {value!r}", name)
+            gains.append(gain)
+        return self._closed_loop.radius(gains[0], gains[1], sends_speed)
 
     def examples(self, rows: int, seed: int, real: Real) -> np.ndarray:
         """Return readings and references near the standstill, some not finite."""
@@ -335,11 +402,13 @@ class Controller(StepFunction, Portable):
     def references_of(self, goals: Mapping[str, Any]) -> np.ndarray:
         """Return the references of all stages and the end, (numbers, stages + 1), with the targets for those left out.
 
-        Raises ArgumentError for another name or a wrong number.
+        Raises ArgumentError for another name, a wrong number of them, or one that is not finite.
         """
         inputs, rows = self._filled({}, goals), self.program.qp.count + 1 if self.program.horizon.preview else 1
         columns = [inputs[k.identifier].reshape(rows, -1) for k in self.goals]
         p = np.concatenate([np.zeros((rows, 0)), *columns], axis=1)
+        if not np.all(np.isfinite(p)):
+            raise ArgumentError("expected finite numbers", "goals")
         return np.ascontiguousarray(np.broadcast_to(p, (self.program.qp.count + 1, p.shape[1])).T)
 
     def _filled(self, readings: Mapping[str, Any], goals: Mapping[str, Any]) -> np.ndarray:
@@ -374,7 +443,8 @@ class Controller(StepFunction, Portable):
         """Return a closed loop for `gt.simulate`: the plant as part `plant`, this controller as part `law`.
 
         plant: the model, or another one with the same inputs and measured variables, such as one with other masses.
-        References are inputs of the loop, law.NAME_goal. For a controller with preview use `block`.
+        References are inputs of the loop, law.NAME_goal. A cycle that ends in another status than OK ends the
+        simulation as failed. For a controller with preview use `block`.
 
         Raises ArgumentError for a controller with preview, and ModelError if the inputs are not the plant's own.
         """
@@ -446,6 +516,11 @@ class ControllerRun(Portable):
     def disturbance(self) -> np.ndarray:
         """Estimated offset of the inputs of the stages."""
         return np.array(self.state["d"]) if self.law.estimates else np.zeros(0)
+
+
+def _short(value: float | None) -> float | None:
+    """Three digits, which do not depend on the machine."""
+    return None if value is None else float(f"{value:.3g}")
 
 
 def _digest(f: ca.Function) -> str:

@@ -105,6 +105,11 @@ class Discretised(Portable):
         disturbance: Mapping[str, float], prices: Mapping[str, Any], price: tuple[float, float],
     ) -> None:  # fmt: skip
         self.statement, self.horizon = s, horizon
+        if horizon.stages == 1 and not (horizon.terminal or s.end.numel()):
+            raise ArgumentError(
+                "one stage without a cost after it does not see what its input does: use at least 2, or terminal=True",
+                "horizon.stages",
+            )
         n, m = s.x.numel(), s.v.numel()
         limited = {name for r in s.rows for name in (r.name, r.name.split("[")[0])}
         _refuse_others(prices, limited, "prices", "has no limit")
@@ -130,7 +135,8 @@ class Discretised(Portable):
         self.prepare = _function("prepare", [s.x, s.v, self.d, s.p, following], entries.values)
         end, x_end = _Entries(), SX.sym("x", n)
         soft = [k for k, r in enumerate(s.rows) if r.soft]
-        self.terminal = self._terminal(residuals, after) if horizon.terminal else np.zeros((n, n))
+        self.matrices = self._matrices(residuals, after)
+        self.terminal = self._terminal() if horizon.terminal else np.zeros((n, n))
         rest = self.standstill
         goal = SX(rest.x) + (ca.mtimes(SX(rest.x_p), s.p - SX(s.targets)) if s.p.numel() else 0)
         final = _quadratic(end, s.end, s.x, x_end, 1.0)
@@ -171,7 +177,7 @@ class Discretised(Portable):
         each += OF_A_SIDE * self.qp.stage.positives
         return self.horizon.stages * (self.prepare.n_instructions() + 10 * each)
 
-    def _matrices(self, residuals: Any, after: Any) -> tuple[np.ndarray, ...]:
+    def _matrices(self, residuals: Any, after: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """A, B, and the Hessian of Gauss and Newton at the standstill."""
         s, rest = self.statement, self.standstill
         z = ca.vertcat(s.x, s.w)
@@ -180,8 +186,8 @@ class Discretised(Portable):
         n = s.x.numel()
         return G[:, :n], G[:, n:], 2 * self.horizon.stage * J.T @ J
 
-    def _terminal(self, residuals: Any, after: Any) -> np.ndarray:
-        A, B, H = self._matrices(residuals, after)
+    def _terminal(self) -> np.ndarray:
+        A, B, H = self.matrices
         n = len(A)
         try:
             P = scipy.linalg.solve_discrete_are(A, B, H[:n, :n], H[n:, n:], s=H[:n, n:])
@@ -222,10 +228,12 @@ class Discretised(Portable):
         R = np.concatenate([np.full(size, measured[name].deviation ** 2) for name, size in names])
         H = np.hstack([C, np.zeros((len(R), m))])
         try:
-            P = settled_covariance(F, H, Q, R)
-        except np.linalg.LinAlgError:
+            with np.errstate(all="ignore"):
+                P = settled_covariance(F, H, Q, R)
+        except (np.linalg.LinAlgError, ValueError):
             raise ArgumentError(
-                "these measurements determine neither the state nor the disturbances of all inputs; measure more",
+                "these measurements do not determine the state and the disturbances of all inputs: measure more; or "
+                "their deviations are too small beside the disturbances: raise them",
                 "measured",
             ) from None
         gain = np.linalg.solve(H @ P @ H.T + np.diag(R), H @ P).T
@@ -358,14 +366,25 @@ def _standstill(s: Statement) -> Standstill:
     J, G, J_p, G_p, rates, forces = (
         np.asarray(ca.DM(v).full()) for v in ca.Function("f", [z, s.p], parts)(rest, s.targets)
     )
+    forces = forces[:, 0]
     largest = np.abs(rates).max(initial=0.0)
     if not (largest <= STANDSTILL and all(np.all(np.isfinite(v)) for v in (J, G, J_p, G_p, forces))):
         raise ArgumentError(
             f"no standstill with finite slopes was found at the targets, from the start values and inputs of 0; the "
             f"largest rate is {largest:.3g} there", "targets",
         )  # fmt: skip
-    kkt = np.block([[J.T @ J, G.T], [G, np.zeros((n, n))]])
-    change = -np.linalg.lstsq(kkt, np.vstack([J.T @ J_p, G_p]), rcond=None)[0][: z.numel()]
+    room = STANDSTILL * (1 + np.abs(forces))
+    if beyond := np.flatnonzero((forces < s.force_low - room) | (forces > s.force_high + room)).tolist():
+        k, names = beyond[0], [f"{i.name}[{j}]" if i.size > 1 else i.name for i in s.inputs for j in range(i.size)]
+        raise ArgumentError(
+            f"holding them takes {names[k]} = {forces[k]:.4g}, beyond its limits {s.force_low[k]:g} to "
+            f"{s.force_high[k]:g}", "targets",
+        )  # fmt: skip
+    with np.errstate(over="ignore"):
+        kkt, right = np.block([[J.T @ J, G.T], [G, np.zeros((n, n))]]), np.vstack([J.T @ J_p, G_p])
+    if not (np.all(np.isfinite(kkt)) and np.all(np.isfinite(right))):
+        raise ArgumentError("the squares of the cost overflow: a tolerance is too small", "tolerances")
+    change = -np.linalg.lstsq(kkt, right, rcond=None)[0][: z.numel()]
     by_z = np.asarray(ca.DM(ca.Function("f", [z], [ca.jacobian(s.forces, z)])(rest)).full())
     hold = SX(forces) + (ca.mtimes(SX(by_z @ change), s.p - SX(s.targets)) if s.p.numel() else 0)
     return Standstill(rest[:n], rest[n:], change[:n], change[n:], hold)

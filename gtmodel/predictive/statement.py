@@ -8,6 +8,7 @@ inputs of the model follow. A disturbance d adds to it: the model moves with w =
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -119,6 +120,10 @@ class Reader:
 
         self.model = type(cls.__name__, bases, {"objective": objective})(**model._modifiers)
         self.flat = flat_of(self.model)
+        for argument in ("references", "outputs"):
+            names = getattr(wishes, argument)
+            if twice := [name for name in names if names.count(name) > 1]:
+                raise ArgumentError(f"'{twice[0]}' stands there twice; name it once", argument)
         self.sensors = self._signals(wishes.measured, "measured")
         self.shown = self._signals(wishes.outputs, "outputs")
         self.tracked = self._signals(wishes.tolerances, "tolerances")
@@ -143,10 +148,7 @@ class Reader:
             if name not in self.places:
                 self.places[name] = len(self._entries), len(indices)
                 self._entries += [self.flat.scope.symbol(i, order) for i in indices]
-            unit = self.flat.variables[indices[0]].unit or "?"
-            if order:
-                unit = "?" if unit == "?" or "/" in unit else f"{unit}/s{order if order > 1 else ''}"
-            entries.append(NamedVariable(name, len(indices), unit))
+            entries.append(NamedVariable(name, len(indices), _unit(self.flat, indices[0], order)))
         return entries
 
     def _tunable(self) -> list[str]:
@@ -176,6 +178,19 @@ class Reader:
         if array.size not in (1, size) or not np.all(np.isfinite(array)):
             raise ArgumentError(f"expected {size} finite numbers; found {at[name]!r}", f"{argument}.{name}")
         return np.broadcast_to(array.ravel(), (size,)).copy()
+
+
+_PER_SECONDS = re.compile(r"(?P<unit>.+)/s(?P<order>\d*)")
+
+
+def _unit(flat: FlatModel, index: int, order: int) -> str:
+    """Unit of a derivative of a variable; "?" if it has none."""
+    unit = flat.variables[index].unit
+    if not unit or not order:
+        return unit or "?"
+    if already := _PER_SECONDS.fullmatch(unit):
+        unit, order = already["unit"], order + int(already["order"] or 1)
+    return f"{unit}/s{order if order > 1 else ''}"
 
 
 def _refuse(problem: DynamicProblem) -> None:
@@ -294,9 +309,15 @@ class _Assembly:
             for (name, _, a, b, size), e in zip(rows, commanded, strict=True)
         ]
         measured = ca.vertcat(SX(0, 1), *self.moved([e for s in reader.sensors for e in at[s.name]], False))
-        states = [NamedVariable(declared_name(flat, problem.base.alias, p)[0], 1, "?") for p in problem.state_pairs]
+        names = [declared_name(flat, problem.base.alias, pair)[0] for pair in problem.state_pairs]
+        places = [flat.lookup(name) for name in names]
+        states = [NamedVariable(name, 1, _unit(flat, own[0], order))
+                  for name, (_, own, order) in zip(names, places, strict=True)]  # fmt: skip
         if ca.depends_on(measured, self.w):
             raise ArgumentError("expected variables that the inputs do not change at once", "measured")
+        inputs = self._inputs()
+        if own := [k.name for k in inputs if any(s.name.split("[")[0] == k.name for s in reader.shown)]:
+            raise ArgumentError(f"'{own[0]}' is an input, which is returned anyway; leave it out", "outputs")
         return Statement(
             causality=problem.formulation, x=self.x, v=self.v, w=self.w, p=p, hold=hold,
             rates=ca.vertcat(*self.moved(rates, False)), residuals=ca.vertcat(SX(0, 1), *self.moved(residuals, False)),
@@ -305,7 +326,7 @@ class _Assembly:
             measured=measured,
             outputs=ca.vertcat(SX(0, 1), *self.moved([e for s in reader.shown for e in at[s.name]], False)),
             rows=limited, force_low=low, force_high=high,
-            states=states, inputs=self._inputs(), references=references,
+            states=states, inputs=inputs, references=references,
             sensors=reader.sensors, shown=reader.shown, targets=targets, start=start,
         )  # fmt: skip
 

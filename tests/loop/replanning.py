@@ -32,7 +32,7 @@ HOLD, DECELERATION = 5, 5.0
 KP, KD = 40_000.0, 1_500.0
 GOAL = np.array([0.2, -0.1, 0.15])
 CAP = 60  # iterations in a cycle: a soft limit that is crossed takes about 35 from a cold start
-CYCLES = 260  # 1.04 s
+CYCLES = 200  # 0.8 s
 
 
 class Carts(gt.Model):
@@ -66,7 +66,7 @@ class CartPlant:
 
     def __init__(self, start: Sequence[float], mass: float = MASS, servo: Servo | None = None) -> None:
         self.position_m, self.speed, self.mass = np.array(start, float), np.zeros(3), mass
-        self.servo, self.limit_N, self.force_N = servo or Servo(KP, KD), np.inf, np.zeros((0, 3))
+        self.servo, self.limit_N, self.force_N = servo or Servo(KP, KD, 4), np.inf, np.zeros((0, 3))
 
     @property
     def arm_m(self) -> np.ndarray:

@@ -42,7 +42,8 @@ from tests.loop.replanning import (
     go,
 )
 
-AT = 30  # cycle of a fault: the carts move at about 0.9 m/s
+AT = 18  # cycle of a fault: the carts move at about 0.9 m/s
+STOPPED = 148  # cycles in which every stop has ended and the servo rests
 PATIENCE = 10  # of the controller
 NEAR_M = 1e-4  # of the goal, at the end
 # of a cart: it never leaves the way to its goal by more; a cart that is lost at 1 m/s brakes within 0.12 m
@@ -135,6 +136,12 @@ class Fault:
     skipped: int = 0
     others: dict[str, int] = field(default_factory=dict)  # further entries of the report
     target: np.ndarray | None = field(default_factory=lambda: GOAL)  # reached at the end; None: not
+    cycles: int = CYCLES
+
+    @property
+    def length(self) -> int:
+        """Cycles until all that must follow has followed."""
+        return STOPPED if self.state == STOP else self.cycles
 
 
 STOP, STALE, RANGE, INFINITY = "stopped", Status.STALE_INPUT, Status.OUT_OF_RANGE, Status.NOT_FINITE
@@ -151,7 +158,7 @@ FAULTS = [
     Fault("all datagrams a cycle late", late_for_good),
     Fault("old datagrams again", replayed),
     Fault("answers a cycle late", late=1),
-    Fault("answers three cycles late", late=3),
+    Fault("answers three cycles late", late=3, cycles=260),
     Fault("garbage beside", lambda cycle, data: [b"\xff\x00", data, data[:5]] if cycle == AT else [data]),
     Fault("a truncated datagram", lambda cycle, data: [data[:20]] if cycle == AT else [data], lost=1),
     Fault("a reading NaN", changed(MIDDLE, lambda q: q * NAN), lost=1),
@@ -182,7 +189,8 @@ FAULTS = [
     Fault("a fifth heavier", robot={"mass": 1.2 * MASS, "noise": 1e-5, "seed": 1}),
     Fault("half as heavy", robot={"mass": 0.5 * MASS}),
     Fault("half of the motors' force", robot={"limits": [(0.004 * AT, FORCE / 2)]}),
-    Fault("half of the force, unknown and heavier", robot={"limits": [(0.0, FORCE / 2)], "mass": 1.2 * MASS}),
+    Fault("half of the force, unknown and heavier", robot={"limits": [(0.0, FORCE / 2)], "mass": 1.2 * MASS},
+          cycles=260),
     Fault("a force that drifts", robot={"drift": 0.001}),  # 40 N/s
     Fault("two further cycles of delay", robot={"delay": 4}),
     Fault("a softer servo", robot={"servo": Servo(0.7 * KP, 0.7 * KD)}),
@@ -203,10 +211,10 @@ def _ran(bench: Replanning, fault: Fault) -> tuple[Ride, list[list[int | None]]]
 
     def spoil(cycle: int, data: bytes) -> list[bytes]:
         arrived = [data] if fault.spoil is None else fault.spoil(cycle, data)
-        history.append([_number(one) for one in arrived])
+        history.append([cycle] if fault.spoil is None else [_number(one) for one in arrived])
         return arrived
 
-    return bench.ride(bench.robot(**fault.robot), fault.goals, spoil=spoil, late=fault.late), history
+    return bench.ride(bench.robot(**fault.robot), fault.goals, fault.length, spoil, fault.late), history
 
 
 def _number(data: bytes) -> int | None:
@@ -259,7 +267,7 @@ def _is_safe(ride: Ride, fault: Fault) -> None:
 def test_the_log_equals_that_of_the_loop_in_python(bench: Replanning, protocol: str, name: str) -> None:
     fault = next(f for f in FAULTS if f.name == name)
     rides = [
-        run(bench.robot(protocol, **fault.robot), fault.goals, AT + 10, fault.spoil) for run in (bench.ride, bench.twin)
+        run(bench.robot(protocol, **fault.robot), fault.goals, AT + 9, fault.spoil) for run in (bench.ride, bench.twin)
     ]
     assert rides[0].log == rides[1].log
     assert np.array_equal(rides[0].measured, rides[1].measured)
@@ -283,6 +291,20 @@ def test_servos_of_22_to_100_rad_s_are_taken(bench: Replanning, kp: float) -> No
     )
     assert STATES[ride.report["state"]] == "running"
     assert np.abs(ride.measured[-1] - GOAL).max() < NEAR_M
+    assert bench.law.radius(kp, kd) < 1
+
+
+def test_a_servo_of_200_rad_s_is_unstable_as_the_spectral_radius_says(bench: Replanning) -> None:
+    """The filter knows no servo; the radius is that of the growth on the way from a small deviation."""
+    kp, goal = 1_600_000.0, np.tile(1e-4 * np.ones(3), (CYCLES, 1))
+    kd = 1.2 * (kp * MASS) ** 0.5
+    ride = replace(bench, kp=kp, kd=kd).ride(bench.robot(servo=Servo(kp, kd, 32)), goal, 100)
+    missed = np.abs(ride.axes("measured") - ride.axes("predicted")).max(axis=1)
+    early, late = missed[30:50].max(), missed[80:100].max()
+    radius = bench.law.radius(kp, kd)
+    assert radius > 1 > bench.law.radius(0.25 * kp, 0.5 * kd)
+    assert (late / early) ** (1 / 50) == pytest.approx(radius, abs=0.01)
+    assert bench.law.fastest_servo is not None and 100 < bench.law.fastest_servo < 200
 
 
 def test_without_a_known_servo_the_law_does_not_start(bench: Replanning) -> None:

@@ -343,6 +343,20 @@ def test_the_controller_as_a_sampled_block_round_a_plant() -> None:
     assert np.max(np.abs(run.trajectory["law.force"])) <= 4.0
 
 
+def test_a_controller_that_reads_all_states_closes_a_loop_with_their_units() -> None:
+    law = cart()
+    run = gt.simulate(law.around(Cart()), 3.0, start={"plant.x": 0.5, "plant.v": 0.0}, inputs={"law.x_goal": 0.0})
+    assert abs(run.trajectory["plant.x"][-1]) < 1e-2
+    assert law.radius() < 1
+
+
+def test_a_simulated_controller_that_gives_up_ends_the_run() -> None:
+    loop = cart(ControlHorizon(period=0.05, stages=12, max_iterations=1)).around(Cart())
+    start = {"plant.x": 0.5, "plant.v": 0.0}
+    run = gt.simulate(loop, 2.0, start=start, inputs={"law.x_goal": 0.0}, throw=False)
+    assert not run.status.ok and "no solution" in run.message
+
+
 @pytest.mark.proof
 def test_the_l1_with_another_payload_reaches_its_goal_behind_two_cycles() -> None:
     robot, goal = gt.robots.gantry_tau("l1_tape"), [0.5, -0.9, 0.3]
@@ -399,6 +413,24 @@ def test_c_of_the_l1_and_of_a_preview_equals_python(tmp_path: Path) -> None:
         ("disturbance", lambda: cart(measured={"x": Measurement(1e-3)})),
         ("disturbance", lambda: cart(measured={"x": Measurement(1e-3)}, disturbance={"x": 1.0})),
         ("outputs", lambda: cart(outputs=["y"])),
+        ("outputs", lambda: cart(outputs=["x", "x"])),
+        ("outputs", lambda: cart(outputs=["force"])),  # returned anyway
+        ("references", lambda: cart(references=["x", "x"])),
+        ("horizon.stages", lambda: cart(ControlHorizon(period=0.05, stages=1, terminal=False))),
+        (
+            "targets",
+            lambda: controller(
+                Cart(push=5.0),
+                ControlHorizon(period=0.05, stages=5),
+                tolerances={"x": 1.0, "force": 1.0},
+                targets={"x": 0.0},
+            ),
+        ),
+        ("tolerances", lambda: cart(tolerances={"x": 1e-300, "force": 1.0}, targets={"x": 0.0})),
+        ("measured", lambda: cart(measured={"x": Measurement(1e-300)}, disturbance={"force": 1.0})),
+        ("goals", lambda: cart().converge([1.0, 0.0], {"x": np.nan})),
+        ("kp", lambda: cart().radius(1.0, 1.0)),
+        ("kd", lambda: cart().radius(1.0)),
         ("measured", lambda: cart().begin().step({"x": 1.0})),
         ("goals", lambda: cart().begin().step({"x": 1.0, "v": 0.0}, {"v": 1.0})),
         ("x", lambda: cart().begin([np.nan, 0.0])),
