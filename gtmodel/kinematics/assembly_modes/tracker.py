@@ -176,7 +176,7 @@ class _Line:
         inverse = np.swapaxes(solve_rows(np.swapaxes(J[:, 0], 1, 2), np.conj(z), right), 1, 2).copy()
         dz = (F[:, 0] @ inverse)[:, 0]
         # J z = 0 at the power k of t - t0, by the symmetry of the equations in z, with their derivatives D_1, D_2 by t:
-        # 2 J_0 z_k = -D_1 z_(k-1) - D_2 z_(k-2) - sum of J_i z_(k-i), 0 < i < k. Twice z_0 in the windows adds D_i to J_i.
+        # 2 J_0 z_k = -D_1 z_(k-1) - D_2 z_(k-2) - sum of J_i z_(k-i), 0 < i < k. Twice z_0 below adds D_i to J_i.
         series = np.zeros((m, ORDER + 3, VARIABLES), dtype=complex)
         series[:, ORDER] = 2 * z
         rates = self._rates[:m]
