@@ -233,7 +233,9 @@ def fault(A: Real, B: Real, L: Real) -> str | None:
         leg = int(np.argmin(L))
         return f"the length of leg {leg + 1} is {L[leg]:g}; a length must be positive (lengths, not their squares)"
     joints = np.concatenate([A, B], axis=1)
-    for i, j in np.argwhere(np.triu((joints[:, None] == joints).all(axis=2), 1)):
+    pairs = np.argwhere(np.triu((joints[:, None] == joints).all(axis=2), 1))
+    if len(pairs):
+        i, j = pairs[0]
         return f"legs {i + 1} and {j + 1} join the same two points: five legs do not constrain a platform"
     return None
 

@@ -81,7 +81,9 @@ FIRST_CORRECTION = 3e-3  # largest first Newton correction of an accepted step, 
 CONTRACTION = 0.1  # largest ratio of the second to the first correction
 LAST_CORRECTION = 1e-7  # largest third correction, which the first two give by quadratic convergence
 AIM = 3e-4  # first correction that the length of the next step aims at
-WITHIN = 0.7  # largest step, relative to the distance of the nearest singularity of the path in the complex t plane
+WITHIN = (
+    0.7  # largest step, relative to the estimated distance of the path's nearest singularity in the complex t plane
+)
 SHORTER = 0.5  # ratio of a step to the rejected step before it
 MOST_STEPS = 2000  # per path
 
@@ -112,8 +114,8 @@ class _Paths:
     def singularity(self) -> tuple[Array, Real]:
         """Return b (m,), where t + 1 / b estimates the nearest singularity, and the next step (m,).
 
-        A pole or a branch point of a path is one of all its coordinates. The coefficients of its series then tend to a
-        geometric sequence with the ratio b, after Fabry; what they deviate from it estimates the prediction's error.
+        All coordinates of a path share its poles and branch points. The coefficients of the series therefore tend to a
+        geometric sequence with the ratio b (Fabry's theorem); their deviation from it estimates the prediction's error.
         """
         last = self.series[:, :2]
         products = last @ np.conj(np.swapaxes(last, 1, 2))
@@ -124,7 +126,7 @@ class _Paths:
         return ratio, np.fmin(np.fmin(step, WITHIN / np.sqrt(squared)), LARGEST_STEP)
 
     def predicted(self, step: Real, ratio: Array) -> Array:
-        """Return the points (m, 8) one step (m,) ahead, |z| = 1: the series, continued as geometric ones."""
+        """Return the points (m, 8) one step (m,) ahead, |z| = 1: the series, continued as a geometric one."""
         weights = (step[:, None] ** _POWERS).astype(complex)
         weights[:, 0] /= 1.0 - ratio * step
         return _unit((weights[:, None] @ self.series[:, : ORDER + 1])[:, 0])
@@ -222,7 +224,7 @@ def _square(z: Array) -> Real:
 def track(line: Array, pose: NDArray[np.intp], z: Array) -> Endpoints:
     """Track paths from t = 0 to t = 1.
 
-    A power series with a common singularity of all coordinates predicts the next point, two Newton steps correct it
+    The power series, with one singularity for all coordinates, predicts the next point; two Newton steps correct it
     (after Telen, Van Barel and Verschelde, SIAM J. Sci. Comput. 42 (2020)).
 
     Args:
