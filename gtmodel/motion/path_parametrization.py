@@ -116,12 +116,15 @@ def joint_names(robot: gt.Model) -> list[str]:
     return [*names, *(name.removesuffix("a.r") + "b.r" for name in names)]
 
 
-def link_ends(robot: gt.Model, T: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def link_ends(
+    robot: gt.Model, T: np.ndarray, guard: MotionConstraints = NO_GUARD
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return cart and plate joints (rows, n, 3) [m] of the links in `link_names` order at TCP positions (rows, 3), and
-    the status of each row."""
+    the status of each row; guard: of the motion, whose function is compiled anyway."""
     names = joint_names(robot)
     # reuse the function with forces; if it fails, solve for the positions alone
-    _, _, _, *points, status = motion_function(robot).along(T)
+    *columns, status = motion_function(robot, guard).along(T)
+    points = columns[3 : 3 + len(names)]
     if np.any(status != Status.OK):
         *points, status = compile_causal(robot, known="T", targets=names or ["q"]).along(T)
     return *joints_of(names, points, len(T)), status
@@ -228,7 +231,7 @@ class PathParametrization:
         """Return one sentence on a point that the path cannot pass; empty if there is none."""
         s = np.linspace(0.0, 1.0, samples)
         T = self.path(s)[0]
-        joints, tips, status = link_ends(self.problem.robot, T)
+        joints, tips, status = link_ends(self.problem.robot, T, self.guard)
         along = along_guideways(self.problem.robot, tips, joints)
         bad = np.flatnonzero(status != Status.OK)
         least = self.problem.limits.link_along_guideway

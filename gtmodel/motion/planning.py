@@ -117,7 +117,7 @@ class MotionPlan:
 
     def links(self, run: Trajectory) -> list[tuple[np.ndarray, np.ndarray]]:
         """Return both ends of every link along a motion, (n, 3) each [m]."""
-        joints, tips, _ = link_ends(self.robot, run["T"])
+        joints, tips, _ = link_ends(self.robot, run["T"], self.guard)
         return [(joints[:, k], tips[:, k]) for k in range(joints.shape[1])]
 
 
@@ -129,8 +129,8 @@ def plan_of(problem: MotionProblem, earlier: Trajectory | None = None) -> Motion
     _check_robot(robot)
     if np.array_equal(start, goal):
         raise ArgumentError("equals the start; give another goal", "goal.tcp")
-    _check_reach(problem)
     guard = guard_of(problem.limits, links_of(robot), lambda arm, end: _carrier(robot, end, start))
+    _check_reach(problem, guard)
     _check_statics(problem, guard)
     path = None
     if problem.path is not None:
@@ -147,7 +147,9 @@ def _carrier(robot: gt.Model, end: str, start: np.ndarray) -> Carrier | None:
     """Return the plate if it rotates, that is if the robot has the rotation R as a variable."""
     if end != "plate" or flat_of(robot).groups.get("R", ((), []))[0] != (3, 3):
         return None
-    R, _ = compile_causal(robot, known="T", targets="R")(start)
+    R, status = compile_causal(robot, known="T", targets="R")(start)
+    if status != Status.OK:
+        raise _out_of_reach(robot, "start.tcp", start)
     return Carrier(lambda model: model.robot.R, R)
 
 
@@ -165,25 +167,32 @@ def _check_robot(robot: gt.Model) -> None:
             raise ArgumentError(f"must declare '{name}' as a vector of 3; it has {flat.top()}", "robot")
 
 
-def _check_reach(problem: MotionProblem) -> None:
+def _check_reach(problem: MotionProblem, guard: MotionConstraints) -> None:
     robot, least = problem.robot, problem.limits.link_along_guideway
     for key, point in (("start.tcp", problem.begin), ("goal.tcp", problem.end)):
-        joints, tips, status = link_ends(robot, point[None, :])
-        place = ", ".join(f"{x:g}" for x in point)
+        joints, tips, status = link_ends(robot, point[None, :], guard)
         if status[0] != Status.OK:
-            names = [name for name in ("q", "tau") if name in flat_of(robot).groups]
-            inverse = compile_causal(robot, known="T", targets=names[0])
-            reason = inverse.diagnose(*inverse.arguments_along(point))
-            raise ArgumentError(f"the pose ({place}) m is out of reach: {reason}", key)
+            raise _out_of_reach(robot, key, point)
         along = along_guideways(robot, tips, joints)[0]
         if np.any(along < least):
             k = int(np.argmin(along))
             links = [name.removesuffix(".rod.a.r") for name in link_names(robot)]
             raise ArgumentError(
-                f"the pose ({place}) m lies at the boundary of the workspace: the component of {links[k]} along its "
-                f"guideway is {along[k]:.4g} m, less than limits.link_along_guideway_m = {least:g}",
+                f"the pose ({_place(point)}) m lies at the boundary of the workspace: the component of {links[k]} "
+                f"along its guideway is {along[k]:.4g} m, less than limits.link_along_guideway_m = {least:g}",
                 key,
             )
+
+
+def _out_of_reach(robot: gt.Model, key: str, point: np.ndarray) -> ArgumentError:
+    names = [name for name in ("q", "tau") if name in flat_of(robot).groups]
+    inverse = compile_causal(robot, known="T", targets=names[0])
+    reason = inverse.diagnose(*inverse.arguments_along(point))
+    return ArgumentError(f"the pose ({_place(point)}) m is out of reach: {reason}", key)
+
+
+def _place(point: np.ndarray) -> str:
+    return ", ".join(f"{x:g}" for x in point)
 
 
 def _check_statics(problem: MotionProblem, guard: MotionConstraints) -> None:

@@ -127,7 +127,7 @@ def test_platforms_much_smaller_or_larger_than_the_base(factor: float) -> None:
 
 def test_nearly_a_point_as_platform_is_not_called_complete() -> None:
     p = random_platforms(1, SEED)
-    (modes,) = assembly_modes_batch(*in_poses(p.A, p.B * 1e-6, p.R, p.T).legs)
+    (modes,) = assembly_modes_batch(*in_poses(p.A, p.B * 1e-7, p.R, p.T).legs)
     assert modes.status is ModesStatus.INCOMPLETE
     assert "modes may be missing" in modes.message
 

@@ -20,7 +20,16 @@ from gtmodel.kinematics.assembly_modes.platform import (
 )
 from gtmodel.kinematics.assembly_modes.sorting import BASIS_MATRICES, isolate, on_a_curve, residuals
 from gtmodel.kinematics.assembly_modes.start_system import FILE, SEEDS, from_text, make, to_text
-from gtmodel.kinematics.assembly_modes.tracker import distance_to_conjugate, distances, newton_step, solve_rows, track
+from gtmodel.kinematics.assembly_modes.tracker import (
+    ORDER,
+    _Line,
+    distance_to_conjugate,
+    distances,
+    newton_step,
+    refined,
+    solve_rows,
+    track,
+)
 from gtmodel.results import ModesStatus
 from tests.kinematics.support.platforms import griffis_duffy_platforms
 
@@ -126,6 +135,28 @@ def test_paths_do_not_depend_on_their_company() -> None:
     alone = track(line, np.zeros(1, dtype=np.intp), a.z[11:12])
     np.testing.assert_allclose(alone.z[0], together.z[11], atol=1e-12)
     assert alone.steps[0] == together.steps[11]
+
+
+def test_the_series_of_a_path_solves_the_equations_to_its_order() -> None:
+    """F of the truncated series falls by 2^(ORDER + 1) when the step is halved."""
+    a, b = start_systems()[:2]
+    line = straight_line(
+        a.parameters, HomotopyParameters(b.parameters.A[None], b.parameters.B[None], b.parameters.c[None])
+    )
+    paths, t = np.zeros(40, dtype=np.intp), 0.01
+    z = refined(line[0, 0] + t * line[0, 1] + t**2 * line[0, 2], a.z, 12)
+    series, first, _ = _Line(line, 40).corrected(z, np.full(40, t), paths)
+    assert np.max(first) < 1e-20
+    np.testing.assert_allclose(series[:, ORDER], z, atol=1e-10)
+
+    def left(step: float) -> np.ndarray:
+        w = np.einsum("k,mki->mi", step ** np.arange(ORDER, -1.0, -1.0), series[:, : ORDER + 1])
+        C = line[0, 0] + (t + step) * line[0, 1] + (t + step) ** 2 * line[0, 2]
+        return residuals(C, w)
+
+    step = 0.02
+    orders = np.log2(left(step) / left(step / 2))[left(step / 2) > 1e-12]  # above rounding errors
+    assert len(orders) > 10 and np.abs(np.median(orders) - (ORDER + 1)) < 0.3
 
 
 def test_one_singular_matrix_does_not_spoil_the_batch() -> None:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gtmodel import SolveStatus
 from gtmodel.motion.motion_study import solved
+from gtmodel.motion.options import JointCone
 from gtmodel.motion.path_parametrization import along_guideways, link_ends
 from gtmodel.motion.planning import plan_of
-from gtmodel.results import Work
+from gtmodel.results import ArgumentError, Work
 from tests.support.motions import d1, six_link
 
 LENGTHS_M = 1e-9
@@ -24,6 +27,18 @@ def test_ends_of_the_declared_problem():
     assert np.max(np.abs(lengths - np.asarray(plan.robot.L, float))) < LENGTHS_M
     assert np.min(along_guideways(plan.robot, tips, joints)) > 0.02
     assert np.ptp(tips - plan.start, axis=1).max() > 0.1  # the plate has a size: its joints are not the TCP
+
+
+@pytest.mark.parametrize("end", ["start", "goal"])
+def test_an_end_out_of_reach_is_named_with_cones_of_the_plate_too(end: str):
+    """The cones turn with the plate at the start, where it has no rotation if the start is out of reach."""
+    problem = six_link()
+    cones = [JointCone(arm=0, end="plate", axis=[0.0, 0.0, 1.0], half_angle=0.6)]
+    far = replace(getattr(problem, end), tcp=[-1.6, -40.4, -0.1])
+    problem = replace(problem, limits=replace(problem.limits, joint_cones=cones), **{end: far})
+    with pytest.raises(ArgumentError, match="out of reach") as error:
+        plan_of(problem)
+    assert error.value.argument == f"{end}.tcp"
 
 
 @pytest.mark.proof

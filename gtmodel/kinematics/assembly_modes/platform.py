@@ -232,10 +232,11 @@ def fault(A: Real, B: Real, L: Real) -> str | None:
     if np.any(L <= 0):
         leg = int(np.argmin(L))
         return f"the length of leg {leg + 1} is {L[leg]:g}; a length must be positive (lengths, not their squares)"
-    for i in range(LEGS):
-        for j in range(i + 1, LEGS):
-            if np.array_equal(A[i], A[j]) and np.array_equal(B[i], B[j]):
-                return f"legs {i + 1} and {j + 1} join the same two points: five legs do not constrain a platform"
+    joints = np.concatenate([A, B], axis=1)
+    pairs = np.argwhere(np.triu((joints[:, None] == joints).all(axis=2), 1))
+    if len(pairs):
+        i, j = pairs[0]
+        return f"legs {i + 1} and {j + 1} join the same two points: five legs do not constrain a platform"
     return None
 
 
@@ -253,6 +254,8 @@ def architecturally_singular(scaled: ScaledLegs) -> NDArray[np.bool_]:
         rows = leg_jacobian(scaled.legs.A, scaled.legs.B, rotation, position)
         values = np.linalg.svd(rows, compute_uv=False)
         independent |= values[:, -1] > DEPENDENT * values[:, 0]
+        if independent.all():
+            break
     return ~independent
 
 

@@ -226,11 +226,6 @@ def pick(isolation: Isolation, rows: NDArray[np.intp]) -> Isolation:
 CURVES_TRIED = 3  # singular endpoints per search that are tested for a self-motion
 
 
-def _nothing(C: Array) -> tuple[Array, Isolation]:
-    z = np.zeros((0, VARIABLES), dtype=complex)
-    return z, isolate(C, z)
-
-
 @dataclass
 class ModesSearch:
     """The search for the modes of one scaled pose with the system C (7, 18).
@@ -239,17 +234,14 @@ class ModesSearch:
     """
 
     C: Array
-    z: Array = field(init=False)
-    isolation: Isolation = field(init=False)
+    z: Array = field(default_factory=lambda: np.zeros((0, VARIABLES), dtype=complex))
+    isolation: Isolation = field(default_factory=lambda: Isolation(np.zeros(0, dtype=bool), np.zeros(0), np.zeros(0)))
     used: int = 0
     retries: int = 0
     self_motion: bool = False
     last: Endings | None = None
     steps: list[int] = field(default_factory=list)
     _agreed: bool = False
-
-    def __post_init__(self) -> None:
-        self.z, self.isolation = _nothing(self.C)
 
     def add(self, endings: Endings) -> None:
         """Add the endings from another start system."""

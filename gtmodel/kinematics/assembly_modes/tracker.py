@@ -56,28 +56,36 @@ def solve_rows(J: Array, patch: Array, right: Array) -> Array:
         return np.linalg.solve(matrix, full)
 
 
+SETTLED = 1e-9  # Newton correction of |z| = 1 after which, by quadratic convergence, only rounding errors are left
+
+
 def refined(C: Array, z: Array, iterations: int = 6) -> Array:
-    """Refine points z (m, 8) by Newton steps on the system C (7, 18) or (m, 7, 18), scaled to |z| = 1."""
+    """Refine points z (m, 8) by Newton steps on the system C (7, 18) or (m, 7, 18), each until it is settled, scaled to
+    |z| = 1."""
     z = z / np.linalg.norm(z, axis=1, keepdims=True)
     C = np.broadcast_to(C, (len(z), *C.shape[-2:]))
+    moving = np.arange(len(z))
     for _ in range(iterations):
-        z = z + newton_step(C, z, np.conj(z))
-        z = z / np.linalg.norm(z, axis=1, keepdims=True)
+        dz = newton_step(C[moving], z[moving], np.conj(z[moving]))
+        z[moving] = _unit(z[moving] + dz)
+        moving = moving[~(_square(dz) < SETTLED**2)]
+        if not moving.size:
+            break
     return z
 
 
-FIRST_STEP = 0.02
-LARGEST_STEP = 0.1
+ORDER = 7  # of the power series that predict the next point of a path
+LARGEST_STEP = 0.2
 SMALLEST_STEP = 1e-9  # a path that needs a smaller step has failed
-FIRST_CORRECTION = 3e-3  # largest first Newton correction of an accepted step, relative to |z|
+FIRST_CORRECTION = 3e-3  # largest first Newton correction of an accepted step, |z| = 1
 CONTRACTION = 0.1  # largest ratio of the second to the first correction
 LAST_CORRECTION = 1e-7  # largest third correction, which the first two give by quadratic convergence
 AIM = 3e-4  # first correction that the length of the next step aims at
-SHRINKING, GROWTH = 0.25, 2.0  # limits of the ratio of two successive steps
+WITHIN = (
+    0.7  # largest step, relative to the estimated distance of the path's nearest singularity in the complex t plane
+)
+SHORTER = 0.5  # ratio of a step to the rejected step before it
 MOST_STEPS = 2000  # per path
-NODES = 3  # last points of a path, which with their tangents predict the next one
-BEFORE = 1e-3  # interval between the first nodes, before the start
-FAR = 1.01  # largest |z| within a patch, whose nearest point has |z| = 1: farther away, polynomials predict worse
 
 
 @dataclass(frozen=True)
@@ -96,97 +104,128 @@ class Endpoints:
 
 @dataclass
 class _Paths:
-    """Paths on their way: index and pose (m,), patch (m, 8) with patch.z = 1, and for the last NODES points the times
-    (m, NODES), points and tangents (m, NODES, 2, 8)."""
+    """Paths on their way: index, pose and t (m,), series (m, ORDER + 3, 8) from `_Line.corrected`."""
 
     index: NDArray[np.intp]
     pose: NDArray[np.intp]
-    patch: Array
-    times: Real
-    nodes: Array
+    t: Real
+    series: Array
 
-    def predicted(self, t: Real) -> Array:
-        """Return the values at t (m,) of the polynomials through all points with all tangents."""
-        gap = self.times[:, :, None] - self.times[:, None, :]
-        gap[:, _SAME, _SAME] = np.inf
-        ahead = t[:, None] - self.times
-        ratio = ahead[:, None, :] / gap
-        ratio[:, _SAME, _SAME] = 1.0
-        square = ratio.prod(axis=2) ** 2
-        weights = np.empty((len(t), NODES, 2))
-        weights[:, :, 1] = square * ahead
-        weights[:, :, 0] = square - weights[:, :, 1] * (2.0 / gap).sum(axis=2)
-        return (weights.reshape(-1, 1, 2 * NODES) @ self.nodes.reshape(-1, 2 * NODES, VARIABLES))[:, 0]
+    def singularity(self) -> tuple[Array, Real]:
+        """Return b (m,), where t + 1 / b estimates the nearest singularity, and the next step (m,).
 
-    def take(self, accepted: NDArray[np.bool_], t: Real, z: Array, tangent: Array) -> None:
-        """Add the accepted points as nodes."""
-        ok = slice(None) if accepted.all() else np.flatnonzero(accepted)
-        self.times[ok, :-1], self.nodes[ok, :-1] = self.times[ok, 1:], self.nodes[ok, 1:]
-        self.times[ok, -1], self.nodes[ok, -1, 0], self.nodes[ok, -1, 1] = t[ok], z[ok], tangent[ok]
+        All coordinates of a path share its poles and branch points. The coefficients of the series therefore tend to a
+        geometric sequence with the ratio b (Fabry's theorem); their deviation from it estimates the prediction's error.
+        """
+        last = self.series[:, :2]
+        products = last @ np.conj(np.swapaxes(last, 1, 2))
+        ratio = products[:, 0, 1] / (products[:, 1, 1] + np.finfo(float).tiny)
+        size, squared = np.real(products[:, 0, 0]), np.square(np.abs(ratio))
+        deviation = np.maximum(size - squared * np.real(products[:, 1, 1]), 1e-12 * size)  # squared
+        step = (AIM**2 / (deviation * squared)) ** (0.5 / (ORDER + 1))
+        return ratio, np.fmin(np.fmin(step, WITHIN / np.sqrt(squared)), LARGEST_STEP)
 
-    def centre(self, far: NDArray[np.intp]) -> None:
-        """Move the patches of these paths to their last points. Within a patch, a path is z / (patch.z)."""
-        z = self.nodes[far, -1, 0]
-        self.patch[far] = np.conj(z) / np.linalg.norm(z, axis=1, keepdims=True)
-        points, tangents = self.nodes[far, :, 0], self.nodes[far, :, 1]
-        by, rate = ((v @ self.patch[far][:, :, None]) for v in (points, tangents))
-        self.nodes[far, :, 0] = points / by
-        self.nodes[far, :, 1] = (tangents - points * (rate / by)) / by
+    def predicted(self, step: Real, ratio: Array) -> Array:
+        """Return the points (m, 8) one step (m,) ahead, |z| = 1: the series, continued as a geometric one."""
+        weights = (step[:, None] ** _POWERS).astype(complex)
+        weights[:, 0] /= 1.0 - ratio * step
+        return _unit((weights[:, None] @ self.series[:, : ORDER + 1])[:, 0])
 
     def keep(self, rows: NDArray[np.bool_]) -> None:
         """Drop all other paths."""
-        self.index, self.pose, self.patch = self.index[rows], self.pose[rows], self.patch[rows]
-        self.times, self.nodes = self.times[rows], self.nodes[rows]
+        self.index, self.pose = self.index[rows], self.pose[rows]
+        self.t, self.series = self.t[rows], self.series[rows]
 
 
-_SAME = np.arange(NODES)
+_POWERS = np.arange(ORDER, -1, -1)
+_RIGHT = -0.5 * np.eye(EQUATIONS, dtype=complex)
 
 
 class _Line:
-    """The equations F(z, t) = J z / 2 along the lines of all poses; J (m, 7, 8) is linear in z and quadratic in t."""
+    """The equations F(z, t) = J z / 2 along the lines of all poses; J (m, 7, 8) is linear in z and quadratic in t.
 
-    def __init__(self, line: Array) -> None:
-        by_z = line[:, :, None] @ gradients(np.eye(VARIABLES))  # (n, 3, 8, 7, 8)
-        self._tensor = by_z.reshape(len(line), 3 * VARIABLES, EQUATIONS * VARIABLES)
+    Products are one for each path, so that the digits of a path do not depend on the other paths.
+    """
 
-    def _at(self, z: Array, powers: Real, pose: NDArray[np.intp]) -> Array:
-        """Return J (k, m, 7, 8) with the powers 1, t, t^2 of t replaced by `powers` (k, m, 3); pose: ascending."""
-        # one product for each path, so that the digits do not depend on the other paths
-        products = (powers[..., None] * z[:, None, :]).reshape(*powers.shape[:2], 1, 3 * VARIABLES)
-        if len(self._tensor) == 1:
-            J = products @ self._tensor[0]
-        else:
-            edges = np.searchsorted(pose, np.arange(len(self._tensor) + 1)).tolist()
-            parts = zip(edges[:-1], edges[1:], self._tensor, strict=True)
-            J = np.concatenate([products[:, a:b] @ tensor for a, b, tensor in parts], axis=1)
-        return J.reshape(*powers.shape[:2], EQUATIONS, VARIABLES)
+    def __init__(self, line: Array, paths: int) -> None:
+        by_z = np.swapaxes(line[:, :, None] @ gradients(np.eye(VARIABLES)), 3, 4)  # (n, 3, 8, 8, 7)
+        n, size = len(line), VARIABLES * EQUATIONS
+        self._joined = by_z.reshape(n, 3 * VARIABLES, size)
+        self._apart = np.ascontiguousarray(by_z.swapaxes(1, 2)).reshape(n, VARIABLES, 3 * size)
+        self._rates = np.empty((paths, ORDER - 1, size), dtype=complex)  # used again at each step
 
-    def corrected(self, w: Array, t: Real, patch: Array, pose: NDArray[np.intp]) -> tuple[Array, Array, Real, Real]:
-        """Return the points (m, 8) after two Newton steps from w at t (m,) within the patch, the tangents, and the
-        squared sizes of both corrections (m,). The tangents belong to the points before the second correction."""
-        powers = np.zeros((2, len(t), 3))  # and their derivatives
-        powers[0, :, 0] = powers[1, :, 1] = 1.0
-        powers[0, :, 1], powers[0, :, 2], powers[1, :, 2] = t, t * t, 2 * t
-        J = self._at(w, powers[:1], pose)
-        dz = solve_rows(J[0], patch, J[0] @ (-0.5 * w[:, :, None]))[..., 0]
-        w, first = w + dz, _square(dz)
-        J = self._at(w, powers, pose)
-        right = (J @ (-0.5 * w[:, :, None]))[..., 0]
-        both = solve_rows(J[0], patch, right.transpose(1, 2, 0))
-        dz = np.ascontiguousarray(both[..., 0])
-        return w + dz, both[..., 1], first, _square(dz)
+    def corrected(self, z: Array, t: Real, pose: NDArray[np.intp]) -> tuple[Array, Real, Real]:
+        """Correct the points z (m, 8), |z| = 1, at t (m,) by two Newton steps and expand the paths there.
+
+        Returns the series (m, ORDER + 3, 8) of the paths about t, the coefficients from the power ORDER down to the
+        power 0, which is the point itself, and two zeros; and the squared sizes of both corrections (m,). A path is
+        scaled so that its product with the conjugate of its point is constant. The higher coefficients belong to the
+        point before the second correction.
+        """
+        m = len(z)
+        powers = np.zeros((m, 3, 3), dtype=complex)  # column k: derivative k of 1, t, t^2, divided by k!
+        powers[:, 0, 0] = powers[:, 1, 1] = powers[:, 2, 2] = 1.0
+        powers[:, 1, 0], powers[:, 2, 0], powers[:, 2, 1] = t, t * t, 2 * t
+        derivatives = np.swapaxes(powers, 1, 2)
+        Jt = (derivatives[:, :1] @ self._by_power(z, pose)).reshape(m, VARIABLES, EQUATIONS)
+        right = np.swapaxes(-0.5 * (z[:, None] @ Jt), 1, 2)
+        dz = solve_rows(np.swapaxes(Jt, 1, 2), np.conj(z), right)[..., 0]
+        first, z = _square(dz), _unit(z + dz)
+
+        J = (derivatives @ self._by_power(z, pose)).reshape(m, 3, VARIABLES, EQUATIONS)
+        F = z[:, None, None] @ J
+        right = np.broadcast_to(_RIGHT, (m, *_RIGHT.shape))
+        inverse = np.swapaxes(solve_rows(np.swapaxes(J[:, 0], 1, 2), np.conj(z), right), 1, 2).copy()
+        dz = (F[:, 0] @ inverse)[:, 0]
+        # J z = 0 at the power k of t - t0, by the symmetry of the equations in z, with their derivatives D_1, D_2 by t:
+        # 2 J_0 z_k = -D_1 z_(k-1) - D_2 z_(k-2) - sum of J_i z_(k-i), 0 < i < k. Twice z_0 below adds D_i to J_i.
+        series = np.zeros((m, ORDER + 3, VARIABLES), dtype=complex)
+        series[:, ORDER] = 2 * z
+        rates = self._rates[:m]
+        for k in range(1, ORDER + 1):
+            known = F[:, k] if k < 3 else 0.0
+            if k > 1:
+                J_i = rates[:, : k - 1].reshape(m, (k - 1) * VARIABLES, EQUATIONS)
+                known = known + series[:, ORDER - k + 1 : ORDER].reshape(m, 1, -1) @ J_i
+            np.matmul(known, inverse, out=series[:, ORDER - k : ORDER - k + 1])
+            if k < ORDER:
+                three = (powers @ series[:, ORDER - k : ORDER - k + 3]).reshape(m, 1, -1)
+                self._each(three, self._joined, pose, rates[:, k - 1 : k])
+        series[:, ORDER] = z + dz
+        return series, first, _square(dz)
+
+    def _by_power(self, z: Array, pose: NDArray[np.intp]) -> Array:
+        """Return the factors (m, 3, 56) of 1, t and t^2 in the transposed J at z (m, 8)."""
+        out = np.empty((len(z), 1, self._apart.shape[2]), dtype=complex)
+        self._each(z[:, None], self._apart, pose, out)
+        return out.reshape(len(z), 3, -1)
+
+    def _each(self, rows: Array, tensors: Array, pose: NDArray[np.intp], out: Array) -> None:
+        """Write the product of each path's row (m, 1, k) with the tensor of its pose into out; pose: ascending."""
+        if len(tensors) == 1:
+            np.matmul(rows, tensors[0], out=out)
+            return
+        edges = np.searchsorted(pose, np.arange(len(tensors) + 1)).tolist()
+        for a, b, tensor in zip(edges[:-1], edges[1:], tensors, strict=True):
+            np.matmul(rows[a:b], tensor, out=out[a:b])
+
+
+def _unit(z: Array) -> Array:
+    """Return points z (m, 8) with |z| = 1."""
+    return z / np.sqrt(_square(z))[:, None]
 
 
 def _square(z: Array) -> Real:
-    """Return |z|^2 of points z (m, 8) in one piece."""
-    parts = z.view(float)
+    """Return |z|^2 of points z (m, 8)."""
+    parts = np.ascontiguousarray(z).view(float)
     return np.einsum("mi,mi->m", parts, parts)
 
 
 def track(line: Array, pose: NDArray[np.intp], z: Array) -> Endpoints:
     """Track paths from t = 0 to t = 1.
 
-    A polynomial through the last points with their tangents predicts the next point; two Newton steps correct it.
+    The power series, with one singularity for all coordinates, predicts the next point; two Newton steps correct it
+    (after Telen, Van Barel and Verschelde, SIAM J. Sci. Comput. 42 (2020)).
 
     Args:
         line: C(t) = C0 + t C1 + t^2 C2 per pose, (n, 3, 7, 18), from `straight_line`.
@@ -196,45 +235,32 @@ def track(line: Array, pose: NDArray[np.intp], z: Array) -> Endpoints:
     Raises no error for any data: a path that fails keeps the last t that it reached.
     """
     m = len(z)
-    equations = _Line(line)
+    equations = _Line(line, m)
     ends = Endpoints(np.empty((m, VARIABLES), dtype=complex), np.zeros(m), np.zeros(m, dtype=np.intp))
-    h, steps = np.full(m, FIRST_STEP), 0
+    t, steps = np.zeros(m), 0
     with np.errstate(all="ignore"):
-        paths = _at_start(equations, pose, z / np.linalg.norm(z, axis=1, keepdims=True))
+        series, _, _ = equations.corrected(_unit(z.astype(complex)), t, pose)
+        paths = _Paths(np.arange(m), pose, t, series)
+        ratio, h = paths.singularity()
         while paths.index.size:
-            start = paths.times[:, -1]
-            step = np.minimum(h, 1.0 - start)
-            t = start + step
+            step = np.minimum(h, 1.0 - paths.t)
+            t = paths.t + step
             t[t > 1.0 - 1e-14] = 1.0
-            w, tangent, first, second = equations.corrected(paths.predicted(t), t, paths.patch, paths.pose)
+            series, first, second = equations.corrected(paths.predicted(step, ratio), t, paths.pose)
             accepted = (first < FIRST_CORRECTION**2) & (second**3 <= LAST_CORRECTION**2 * first**2)
             accepted &= (second <= CONTRACTION**2 * first) | (second < LAST_CORRECTION**2)
             steps += 1
-            # the prediction's error is of the order 2 NODES in the step
-            factor = np.fmax(SHRINKING, np.fmin(GROWTH, (AIM**2 / first) ** (0.25 / NODES)))
-            h = np.minimum(step * np.where(accepted, factor, np.fmin(factor, 0.5)), LARGEST_STEP)
-            paths.take(accepted, t, w, tangent)
-            far = np.flatnonzero(accepted & (_square(w) > FAR**2))
-            if far.size:
-                paths.centre(far)
-            going = (paths.times[:, -1] < 1.0) & (h >= SMALLEST_STEP) & (steps < MOST_STEPS)
+            if accepted.all():
+                paths.t, paths.series = t, series
+            else:
+                paths.t[accepted], paths.series[accepted] = t[accepted], series[accepted]
+            ratio, h = paths.singularity()
+            h = np.where(accepted, h, SHORTER * step)
+            going = (paths.t < 1.0) & (h >= SMALLEST_STEP) & (steps < MOST_STEPS)
             if not going.all():
                 ended = paths.index[~going]
-                z = paths.nodes[~going, -1, 0]
-                ends.z[ended] = z / np.linalg.norm(z, axis=1, keepdims=True)
-                ends.t[ended], ends.steps[ended] = paths.times[~going, -1], steps
+                ends.z[ended] = _unit(paths.series[~going, ORDER])
+                ends.t[ended], ends.steps[ended] = paths.t[~going], steps
                 paths.keep(going)
-                h = h[going]
+                ratio, h = ratio[going], h[going]
     return ends
-
-
-def _at_start(equations: _Line, pose: NDArray[np.intp], z: Array) -> _Paths:
-    """Return the paths with nodes at the start and just before it."""
-    m = len(z)
-    times = np.tile(BEFORE * np.arange(1 - NODES, 1.0), (m, 1))
-    paths = _Paths(np.arange(m), pose, np.conj(z), times, np.empty((m, NODES, 2, VARIABLES), dtype=complex))
-    for k in reversed(range(NODES)):
-        z, tangent, _, _ = equations.corrected(z, times[:, k], paths.patch, pose)
-        paths.nodes[:, k, 0], paths.nodes[:, k, 1] = z, tangent
-        z = z - BEFORE * tangent
-    return paths
