@@ -8,7 +8,7 @@ from .analysis.sizes import DOUBLE
 
 if TYPE_CHECKING:
     from .causal import CausalFunction
-    from .known_chain import KnownChain
+    from .closed_form.known_chain import KnownChain
     from .plan import CausalPlan
 
 

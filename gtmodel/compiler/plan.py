@@ -16,12 +16,12 @@ from .analysis.angular_rates import by_angular_rates
 from .analysis.body_axes import BodyAxes, in_body_axes
 from .blocks import Margin, NewtonBlock, SignAnalysis, SolvedBlock, median
 from .branch import RootSigns, check_branches, follow, open_loops, settle, sides
+from .closed_form.known_chain import CLOSED, KnownChain, known_chain
 from .consistency.home import Moved, home_of, moved, starts_of
 from .consistency.points import Sampler
 from .degrees_of_freedom import counting_freedom
 from .flat import FlatEquation, FlatModel
 from .graph import largest_matching, strong_components
-from .known_chain import CLOSED, KnownChain, known_chain
 from .known_poses import KnownPose, known_pose
 from .relevance import KnownCondition, condition_block, conditions_on, needed, set_apart
 from .solving import solve_block

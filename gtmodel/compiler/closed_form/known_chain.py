@@ -14,19 +14,19 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from ..geometry.chains import Chain, closed_form
-from ..geometry.chains.search import ChainSearch
-from ..lang.source import ModelError
-from .alias import AliasResult
-from .blocks import Margin, NewtonBlock, Root, SolvedBlock
-from .closed_form.quadric import nearest_turn
-from .consistency.points import Sampler
-from .degrees_of_freedom import degrees_of_freedom
-from .flat import FlatModel
-from .rows import map_columns
+from ...geometry.chains import Chain, closed_form
+from ...geometry.chains.search import ChainSearch
+from ...lang.source import ModelError
+from ..alias import AliasResult
+from ..blocks import Margin, NewtonBlock, Root, SolvedBlock
+from ..consistency.points import Sampler
+from ..degrees_of_freedom import degrees_of_freedom
+from ..flat import FlatModel
+from ..rows import map_columns
+from .quadric import nearest_turn
 
 if TYPE_CHECKING:
-    from .plan import CausalPlan
+    from ..plan import CausalPlan
 
 Pair = tuple[int, int]
 Forward = Callable[[Sequence[int], Sequence[Pair]], "CausalPlan"]
