@@ -44,14 +44,16 @@ typedef struct gt_command {
 
 /* What a law with a plan logs; gtmodel/loop/process.py names the numbers. Failed, lost, refused and skipped count
  * since the start. */
-#define GT_PLAN_ITERATIONS 0U
-#define GT_PLAN_COST 1U
-#define GT_PLAN_RESIDUAL 2U
-#define GT_PLAN_ACTIVE 3U  /* a bit for each limit that is active in the plan */
-#define GT_PLAN_FAILED 4U  /* cycles without a solution */
-#define GT_PLAN_LOST 5U    /* cycles without a reading that could be used */
-#define GT_PLAN_REFUSED 6U /* rows of goals that could not be used */
-#define GT_PLAN_SKIPPED 7U /* cycles of the robot that the loop did not go through */
+enum {
+    GT_PLAN_ITERATIONS,
+    GT_PLAN_COST,
+    GT_PLAN_RESIDUAL,
+    GT_PLAN_ACTIVE,  /* a bit for each limit that is active in the plan */
+    GT_PLAN_FAILED,  /* cycles without a solution */
+    GT_PLAN_LOST,    /* cycles without a reading that could be used */
+    GT_PLAN_REFUSED, /* rows of goals that could not be used */
+    GT_PLAN_SKIPPED  /* cycles of the robot that the loop did not go through */
+};
 #define GT_PLAN_PREDICTED 8U /* carts at this reading, as they were predicted */
 #define GT_PLAN_FORCE (GT_PLAN_PREDICTED + GT_AXES) /* of the plan */
 #define GT_LAW_NUMBERS (GT_PLAN_FORCE + GT_AXES)

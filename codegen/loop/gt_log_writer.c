@@ -22,7 +22,7 @@ static void gt_log_writer_drain(gt_log_writer *writer)
     uint8_t bytes[8U * GT_RECORD_COLUMNS];
     uint32_t n;
 
-    while (gt_log_take(writer->log, record)) {
+    while (gt_log_take(writer->log, record) != 0) {
         for (n = 0U; n < GT_RECORD_COLUMNS; n++) {
             gt_log_bytes(record[n], &bytes[8U * n]);
         }

@@ -19,9 +19,13 @@ void gt_pace_begin(gt_pace *pace, const gt_feedback *first)
 /* a - b of two counters, as far as it says anything. */
 static int64_t gt_pace_difference(uint64_t a, uint64_t b)
 {
-    const uint64_t size = (a > b) ? (a - b) : (b - a);
-    const int64_t kept = (size < (uint64_t)GT_SKEW_MOST) ? (int64_t)size : (int64_t)GT_SKEW_MOST;
+    uint64_t size = a - b;
+    int64_t kept;
 
+    if (a < b) {
+        size = b - a;
+    }
+    kept = (size < (uint64_t)GT_SKEW_MOST) ? (int64_t)size : (int64_t)GT_SKEW_MOST;
     return (a > b) ? kept : -kept;
 }
 
@@ -30,23 +34,33 @@ void gt_pace_note(gt_pace *pace, const gt_feedback *before, const gt_feedback *n
     const int64_t clock = gt_pace_difference(newer->time_ms, before->time_ms);
     const int64_t counted = gt_pace_difference(newer->sequence * cycle_ms, before->sequence * cycle_ms);
     const int64_t skew = pace->skew_ms + (clock - counted);
-    int fault = (clock <= 0) ? 1 : 0;
+    int fault = 0;
 
+    if (clock <= 0) {
+        fault = 1;
+    }
     if ((skew > (int64_t)cycle_ms) || (skew < -(int64_t)cycle_ms)) {
         pace->false_stamp = 1;
         pace->skew_ms = 0; /* from here on they are compared anew */
         fault = 1;
     } else if (skew > 0) {
         pace->skew_ms = skew - 1;
+    } else if (skew < 0) {
+        pace->skew_ms = skew + 1;
     } else {
-        pace->skew_ms = (skew < 0) ? (skew + 1) : 0;
+        pace->skew_ms = 0;
     }
     pace->faults += (fault != 0) ? 1U : 0U;
 }
 
-int gt_pace_is_ahead(const gt_pace *pace, const gt_feedback *now)
+static int gt_ahead(const gt_pace *pace, const gt_feedback *now)
 {
     return ((now->sequence - pace->number) > (pace->lead + pace->held)) ? 1 : 0;
+}
+
+int gt_pace_is_ahead(const gt_pace *pace, const gt_feedback *now)
+{
+    return gt_ahead(pace, now);
 }
 
 /* By numbers and stamps, where the numbers say more cycles than the loop went through. */
@@ -74,7 +88,7 @@ gt_pace_verdict gt_pace_of(gt_pace *pace, const gt_feedback *now, uint32_t cycle
         verdict = GT_PACE_MISS;
     } else if (pace->false_stamp != 0) {
         verdict = GT_PACE_FALSE;
-    } else if (gt_pace_is_ahead(pace, now) != 0) {
+    } else if (gt_ahead(pace, now) != 0) {
         pace->cycles = gt_pace_lesser(pace, now, cycle_ms);
         verdict = (pace->cycles > (own + pace->slept + hold_cycles)) ? GT_PACE_FALSE : GT_PACE_GOOD;
     } else if (answered == 0) {
@@ -96,7 +110,10 @@ void gt_pace_take(gt_pace *pace, const gt_feedback *now, uint32_t cycle_ms)
     const uint64_t law = pace->lead + pace->cycles;
 
     pace->elapsed_ms += pace->cycles * cycle_ms;
-    pace->lead = (law > numbers) ? (law - numbers) : 0U;
+    pace->lead = 0U;
+    if (law > numbers) {
+        pace->lead = law - numbers;
+    }
     pace->number = now->sequence;
     pace->time_ms = now->time_ms;
     pace->held = 0U;

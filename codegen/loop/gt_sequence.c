@@ -12,38 +12,34 @@ void gt_sequence_init(gt_sequence *sequence)
 
 static int gt_take(gt_sequence *sequence, uint64_t number)
 {
-    uint64_t age;
-    uint64_t bit;
+    int newer = 1;
 
     if (!sequence->started) {
         sequence->started = 1;
         sequence->first = number;
         sequence->newest = number;
         sequence->seen = 1U;
-        return 1;
-    }
-    if (number > sequence->newest) {
+    } else if (number > sequence->newest) {
         const uint64_t gap = number - sequence->newest;
 
         sequence->lost += gap - 1U;
         sequence->seen = (gap < GT_WINDOW) ? ((sequence->seen << gap) | 1U) : 1U;
         sequence->newest = number;
-        return 1;
-    }
-    age = sequence->newest - number;
-    if ((age >= GT_WINDOW) || (number < sequence->first)) {
-        sequence->stale++;
-        return 0;
-    }
-    bit = ((uint64_t)1U) << age;
-    if ((sequence->seen & bit) != 0U) {
-        sequence->repeated++;
     } else {
-        sequence->seen |= bit;
-        sequence->reordered++;
-        sequence->lost--;
+        const uint64_t age = sequence->newest - number;
+
+        newer = 0;
+        if ((age >= GT_WINDOW) || (number < sequence->first)) {
+            sequence->stale++;
+        } else if (((sequence->seen >> age) & 1U) != 0U) {
+            sequence->repeated++;
+        } else {
+            sequence->seen |= ((uint64_t)1U) << age;
+            sequence->reordered++;
+            sequence->lost--;
+        }
     }
-    return 0;
+    return newer;
 }
 
 static int gt_near(uint64_t last, uint32_t low, uint64_t *number)
