@@ -49,13 +49,10 @@ def certified(l1: Functions, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def certificate(
-    function: CausalFunction, box: Sequence[tuple[float, float]], **options: int
+    function: CausalFunction, box: Sequence[tuple[float, float]], max_boxes: int = 100
 ) -> gt.certify.BoxCertificate:
-    at, intervals = 0, {}
-    for signal in function.inputs:
-        intervals[signal.name] = box[at : at + 3]
-        at += 3
-    return gt.certify.study(function, intervals, **options)
+    intervals = {signal.name: box[3 * k : 3 * k + 3] for k, signal in enumerate(function.inputs)}
+    return gt.certify.study(function, intervals, max_boxes=max_boxes)
 
 
 def ranges_beyond_eva(proof: Proof, function: CausalFunction) -> list[str]:
