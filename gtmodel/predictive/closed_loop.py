@@ -11,8 +11,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import scipy
 
+from ..linear.state_space import held
 from .discretised import Discretised
 
 SLOWEST, FASTEST = 10.0, 3000.0  # rad/s: servos that are tried
@@ -115,11 +115,10 @@ class LinearCycle:
         n, m = self.n, self.m
         per_force = Bw @ np.linalg.inv(Fw)
         speed = slope @ Ax
-        whole = np.zeros((n + 2 * m, n + 2 * m))
-        whole[:n, :n] = Ax - per_force @ (kp * slope + kd * speed + Fx)
-        whole[:n, n : n + m], whole[:n, n + m :] = per_force * kp.T, per_force * kd.T
-        whole[n : n + m, n + m :] = np.eye(m)
-        return (scipy.linalg.expm(whole * self.program.horizon.period) @ np.vstack([x, u, du]))[:n]
+        A, B = np.zeros((n + m, n + m)), np.vstack([per_force * kd.T, np.eye(m)])
+        A[:n, :n], A[:n, n:] = Ax - per_force @ (kp * slope + kd * speed + Fx), per_force * kp.T
+        F, G = held(A, B, self.program.horizon.period)
+        return (F @ np.vstack([x, u]) + G @ du)[:n]
 
     def fastest_servo(self) -> float | None:
         """Return the natural frequency [rad/s] up to which servos of the axes leave the loop stable, over EGM and RSI.
