@@ -5,7 +5,7 @@ OMP_NUM_THREADS=1 python tests/bench/bench_slow.py [--other TREE] [--runs N] [--
 Each solve is a process of its own with an empty cache of compiled code; its time is processor time, children (gcc)
 counted. Of l1_min_time what its two optimisations take is measured apart. Prints Markdown; without another tree the
 times of this one alone, which say nothing of fast or slow. --all: every shipped problem, then the slowest ten of the
-other tree and the sums; problems whose recordings are not shipped are left out.
+other tree and the sums; problems that the other tree lacks, or whose recordings are not shipped, are left out.
 """
 
 from __future__ import annotations
@@ -86,7 +86,8 @@ def main() -> int:
     if options.all:
         from tests.support.recordings import NOT_SHIPPED
 
-        options.problems = [name for name in SHIPPED if name not in NOT_SHIPPED]
+        there = options.other or OWN
+        options.problems = [n for n in SHIPPED if n not in NOT_SHIPPED and (there / "problems" / f"{n}.toml").exists()]
     if options.other is None:
         print("| problem | now [s] |\n|---|---:|", flush=True)
         for problem in options.problems:
