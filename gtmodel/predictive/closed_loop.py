@@ -58,7 +58,7 @@ class LinearCycle:
         """Gain of the horizon without limits, w = -gain x."""
         program, n = self.program, self.n
         A, B, H = program.matrices
-        P = program.terminal
+        P: np.ndarray = program.terminal
         K = np.zeros((self.m, n))
         for _ in range(program.qp.count):
             inner = H[n:, n:] + B.T @ P @ B
@@ -86,7 +86,8 @@ class LinearCycle:
             missed = o.slope @ (state - hat)
             hat, d = hat + o.x @ missed, (d + o.d @ missed) if nd else d
         shift = d if nd else np.zeros((m, len(unit)))
-        ahead, queue = hat, [past[j * m : (j + 1) * m] for j in range(delay)]
+        ahead: np.ndarray = hat
+        queue = [past[j * m : (j + 1) * m] for j in range(delay)]
         for v in queue:
             ahead = A @ ahead + B @ (v + shift)
         v = -self.gain @ ahead - shift
