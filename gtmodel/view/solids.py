@@ -6,6 +6,7 @@ or several. They are drawn only and change no equation.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +24,7 @@ ORIGIN = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class VisibleSolid:
+class VisibleSolid(ABC):
     """Base class of what a part looks like: its place and its colour.
 
     xyz: position of its centre in the frame of the part [m]. rpy: its orientation there, Rz(yaw) Ry(pitch) Rx(roll)
@@ -34,9 +35,9 @@ class VisibleSolid:
     rpy: tuple[float, float, float] = ORIGIN
     colour: str = SOLID
 
+    @abstractmethod
     def surface(self) -> tuple[Array, Array]:
         """Return vertices (v, 3) [m] and faces (f, 3), in coordinates of the solid."""
-        raise NotImplementedError
 
     def body(self, frame: str = "") -> VisibleBody:
         """Return the solid in a frame of a scene. Raises ArgumentError."""
@@ -48,6 +49,9 @@ class VisibleSolid:
         for name in ("xyz", "rpy", "size"):
             if hasattr(self, name):
                 object.__setattr__(self, name, _three(getattr(self, name), name))
+        for name in ("radius", "length"):
+            if hasattr(self, name):
+                _positive(getattr(self, name), name)
         check_colour(self.colour)
 
 
@@ -99,11 +103,6 @@ class Cylinder(VisibleSolid):
     radius: float
     length: float
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _positive(self.radius, "radius")
-        _positive(self.length, "length")
-
     def surface(self) -> tuple[Array, Array]:
         turns = 2 * np.pi * np.arange(AROUND) / AROUND
         circle = self.radius * np.column_stack([np.cos(turns), np.sin(turns)])
@@ -126,10 +125,6 @@ class Sphere(VisibleSolid):
     radius: float
     stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _positive(self.radius, "radius")
-
     def surface(self) -> tuple[Array, Array]:
         vertices, faces = ball()
         return self.radius * vertices * _three(self.stretch, "stretch"), faces
@@ -145,11 +140,6 @@ class Capsule(VisibleSolid):
 
     radius: float
     length: float
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _positive(self.radius, "radius")
-        _positive(self.length, "length")
 
     def surface(self) -> tuple[Array, Array]:
         vertices, faces = ball(rings=13)  # odd: no ring at the equator, so that each belongs to one end
