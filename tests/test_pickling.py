@@ -141,7 +141,7 @@ def filled(cls: type) -> Any:
         error = cls(*(made.get(name, "one sentence") for name in needed or [""]))
         error.add_note("the traceback of a worker")
         return error
-    if not is_dataclass(cls):
+    if not is_dataclass(cls) or inspect.isabstract(cls):
         return None
     given = {"status": gt.SolveStatus.SOLVED, "message": "", "title": ""}
     function = (lambda: 1.0) if issubclass(cls, Portable) else near
