@@ -11,7 +11,6 @@ import numpy as np
 from ..results import Check, Quantity, Row, at_least, at_most
 from ..results.study import to_inherit
 from .loop_result import LoopStudy
-from .one_run import inertia_of
 from .predictive_law import PLAN_COUNTERS
 from .process import COLUMNS, rows_of
 
@@ -48,10 +47,9 @@ class PredictiveLoop(LoopStudy):
     unread: Annotated[int, Quantity("", "cycles without a usable reading, in which the plan was followed")] = 0
     refused: Annotated[int, Quantity("", "rows of goals that could not be used")] = 0
     skipped: Annotated[int, Quantity("", "cycles of the robot that the loop did not go through")] = 0
-    servo_rate: Annotated[float | None, Quantity("rad/s", "largest natural frequency of the servo of an axis")] = None
-    servo_rate_stable: Annotated[
-        float | None, Quantity("rad/s", "up to which servos of damping 0.5 to 1 leave the loop stable at rest")
-    ] = None
+    spectral_radius: Annotated[
+        float, Quantity("1", "spectral radius of a cycle near the targets, under the servo; below 1 the loop settles")
+    ] = 0.0
 
     @property
     def rows(self) -> list[Row]:
@@ -72,17 +70,7 @@ class PredictiveLoop(LoopStudy):
             Row("largest force of a plan", self.force_planned, "N"),
             Row("measured minus predicted, rms", self.prediction_error, "mm"),
             Row("iterations: mean, largest", f"{self.iterations_mean:.1f} {self.iterations_largest}"),
-            *(
-                []
-                if self.servo_rate is None
-                else [
-                    Row(
-                        "servo of an axis: fastest, stable up to",
-                        f"{self.servo_rate:.3g} {self.servo_rate_stable:.3g}",
-                        "rad/s",
-                    )
-                ]
-            ),
+            Row("spectral radius of a cycle near the targets", self.spectral_radius),
             Row("largest KKT residual", self.kkt_residual),
             Row("limits active in the plan", ", ".join(f"{name} {100 * s:.0f} %" for name, s in active if s) or "none"),
             Row("cycles unsolved, unread, goals refused, cycles skipped", " ".join(map(str, counted))),
@@ -138,12 +126,8 @@ def quantities(bench: Bench, runs: Sequence[OneRun], plan: GeneratedPlan) -> tup
     if offsets[-1] is not None:
         advice = "the controller does not hold the goal: let it estimate a disturbance of each input"
         checks["offset_at_rest"] = at_most(offsets[-1], OFFSET_MM, advice)
-    if plan.fastest_servo is not None:
-        inertia = inertia_of(bench.robot, bench.carts_m[0])
-        numbers["servo_rate"] = float(np.sqrt(np.max(np.broadcast_to(bench.servo.kp_N_m, axes) / inertia)))
-        numbers["servo_rate_stable"] = plan.fastest_servo
-        advice = "the filter of the controller knows no servo: give its readings a larger deviation"
-        checks["servo_rate"] = at_most(numbers["servo_rate"], plan.fastest_servo, advice)
+    numbers["spectral_radius"] = plan.radius
+    checks["spectral_radius"] = at_most(plan.radius, 1.0, "the loop does not settle: give more stages, or a cost after the horizon")
     checks["solved_cycles"] = at_least(1.0 - counted[0] / max(1, len(took)), 0.99, "raise max_iterations")
     return numbers, checks
 
