@@ -154,6 +154,7 @@ class GeneratedPlan:
 
     goals: (signal, member, size) of the references of one stage. rows: stages with references of their own, and the
     end, or 1. stage_ms: length of a stage [ms]. limits: names, in the order of the bits that the law logs.
+    bounds: lower and upper limits of references, None: no limit.
     servo: that the controller knows. radius: spectral radius of a cycle near the targets under it.
     """
 
@@ -171,6 +172,7 @@ class GeneratedPlan:
     scalars: frozenset[str]
     servo: Servo
     radius: float
+    bounds: Mapping[str, Sequence[Sequence[float | None]]]
 
     @property
     def columns(self) -> int:
@@ -204,6 +206,7 @@ def plan_of(content: Mapping[str, Any], axes: int) -> GeneratedPlan | None:
                 round(times[0]), round(times[1]) if facts["preview"] else 0, facts["delay"], facts["limits"],
                 facts["max_iterations"], frozenset(m["member"] for m in step["inputs"] if m["count"] == 1),
                 Servo(tuple(facts["stiffness"]), tuple(facts["damping"])), facts["spectral_radius"],
+                facts.get("bounds", {}),
             )  # fmt: skip
     return None
 

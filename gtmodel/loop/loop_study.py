@@ -365,6 +365,16 @@ def _goals(plan: GeneratedPlan, table: ReferenceTable, axes: int) -> ReferenceTa
         raise ArgumentError(
             f"a reference has no '{rows}', which the predictive controller takes as a goal", "reference"
         )
+    first = 0
+    for name, _, size in plan.goals:
+        values, first = rows[:, first : first + size], first + size
+        low, high = (np.array(side, float) for side in plan.bounds.get(name, ([None], [None])))  # None: nan
+        if len(bad := np.argwhere((values < low) | (values > high))):
+            k, axis = bad[0]
+            raise ArgumentError(
+                f"at {1e-3 * table.step_ms * k:g} s its {name} is {values[k, axis]:.4g}, outside the limits that the "
+                "predictive controller was given; move the one or the other", "reference",
+            )  # fmt: skip
     return ReferenceTable(rows, table.step_ms)
 
 

@@ -27,13 +27,18 @@ OFFSET_MM = 0.1  # largest offset at rest
 class PredictiveLoop(LoopStudy):
     """Two runs of the loop on the same motion: computed torque, and an optimum in every cycle.
 
-    Forces are those that the servo asks for; motors saturate at the limit. active: share of the cycles in whose plan a
+    Forces, and torques of joints, are those that the servo asks for; motors saturate at the limit. active: share of the cycles in whose plan a
     limit is active, by its name.
     """
 
     force_limit: Annotated[float | None, Quantity("N", "largest force of the motors; null: unlimited")] = None
-    force_planned: Annotated[float, Quantity("N", "largest force of a plan")] = 0.0
+    force_planned: Annotated[float | None, Quantity("N", "largest force of a plan; null: joints")] = None
     force_asked: Annotated[Sequence[float], Quantity("N", "largest force that the servo asked for, per run")] = ()
+    torque_limit: Annotated[float | None, Quantity("N.m", "of joints: largest torque; null: unlimited")] = None
+    torque_planned: Annotated[float | None, Quantity("N.m", "of joints: largest torque of a plan; null: carts")] = None
+    torque_asked: Annotated[
+        Sequence[float], Quantity("N.m", "of joints: largest torque that the servo asked for, per run")
+    ] = ()
     beyond: Annotated[Sequence[float], Quantity("1", "share of the forces asked for beyond the limit, per run")] = ()
     offset: Annotated[
         Sequence[float | None], Quantity("mm", "largest mean error of T where the reference rests, per run")
@@ -54,20 +59,23 @@ class PredictiveLoop(LoopStudy):
     @property
     def rows(self) -> list[Row]:
         """The table for people."""
-        if not self.runs or not self.force_asked:
+        what, unit = ("force", "N") if self.force_asked else ("torque", "N.m")
+        asked_for, planned = self.force_asked or self.torque_asked, self.force_planned or self.torque_planned
+        limit = self.torque_limit if self.force_limit is None else self.force_limit
+        if not self.runs or not asked_for:
             return super().rows
         rows = super().rows
-        for run, asked, beyond, offset in zip(self.runs, self.force_asked, self.beyond, self.offset, strict=True):
-            rows.append(Row(f"{run['label']}: largest force asked for", asked, "N"))
-            if self.force_limit is not None:
-                rows.append(Row(f"{run['label']}: forces beyond {self.force_limit:g} N", 100 * beyond, "%"))
+        for run, asked, beyond, offset in zip(self.runs, asked_for, self.beyond, self.offset, strict=True):
+            rows.append(Row(f"{run['label']}: largest {what} asked for", asked, unit))
+            if limit is not None:
+                rows.append(Row(f"{run['label']}: {what}s beyond {limit:g} {unit}", 100 * beyond, "%"))
             if offset is not None:
                 rows.append(Row(f"{run['label']}: offset at rest", offset, "mm"))
         active = sorted(self.active.items(), key=lambda entry: -entry[1])
         counted = (self.unsolved, self.unread, self.refused, self.skipped)
         return [
             *rows,
-            Row("largest force of a plan", self.force_planned, "N"),
+            Row(f"largest {what} of a plan", planned, unit),
             Row("measured minus predicted, rms", self.prediction_error, "mm"),
             Row("iterations: mean, largest", f"{self.iterations_mean:.1f} {self.iterations_largest}"),
             Row("spectral radius of a cycle near the targets", self.spectral_radius),
@@ -105,8 +113,9 @@ def quantities(bench: Bench, runs: Sequence[OneRun], plan: GeneratedPlan) -> tup
     asked = [float(np.abs(one.forces_N).max(initial=0.0)) for one in runs]
     beyond = [float(np.mean(np.abs(one.forces_N) > (limit or np.inf))) if one.forces_N.size else 0.0 for one in runs]
     offsets = [_offset_mm(bench, one) for one in runs]
+    what, largest = "torque" if bench.joints else "force", float(planned.max(initial=0.0))
     numbers: dict[str, Any] = {
-        "force_limit": limit, "force_planned": float(planned.max(initial=0.0)), "force_asked": asked, "beyond": beyond,
+        f"{what}_limit": limit, f"{what}_planned": largest, f"{what}_asked": asked, "beyond": beyond,
         "offset": offsets, "prediction_error": 1e3 * float(np.sqrt(np.mean(missed**2))) if missed.size else 0.0,
         "iterations_mean": float(np.mean(took[:, COLUMNS.index("iterations")])) if len(took) else 0.0,
         "iterations_largest": int(at["iterations"].max(initial=0)),
@@ -118,11 +127,11 @@ def quantities(bench: Bench, runs: Sequence[OneRun], plan: GeneratedPlan) -> tup
     checks = dict[str, Check]()
     if limit is not None:
         advice = "the plan asks for more than the motors have: lower the limits of the controller"
-        checks["planned_force"] = at_most(numbers["force_planned"], limit, advice)
+        checks[f"planned_{what}"] = at_most(largest, limit, advice)
     margin = bench.disturbances.force_margin
     if limit is not None and margin is not None:
         advice = "give the controller a lower limit, or the servo a softer damping"
-        checks["asked_force"] = at_most(asked[-1], limit + margin, advice)
+        checks[f"asked_{what}"] = at_most(asked[-1], limit + margin, advice)
     if offsets[-1] is not None:
         advice = "the controller does not hold the goal: let it estimate a disturbance of each input"
         checks["offset_at_rest"] = at_most(offsets[-1], OFFSET_MM, advice)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
 from typing import Annotated, Any
@@ -30,6 +30,7 @@ from .servo import axis_signals
 from .statement import Reader, Wishes
 
 PRICE = (1e3, 1e3)  # of a soft limit, by its size
+OUTSIDE = 1e-6  # of a limit, by its size: rest at the targets is found to 1e-7
 SPREAD, MISSING = 0.02, 0.1  # of examples: relative to the typical numbers; share with a number that is not finite
 
 
@@ -126,7 +127,21 @@ def controller(
         programs.append(program)
         reasons.append(f"{form} form: about {program.operations} operations in a cycle of ten iterations")
     best = min(programs, key=lambda program: program.operations)
+    if targets:
+        _refuse_targets(best)
     return Controller(best, reasons, servo)
+
+
+def _refuse_targets(program: Discretised) -> None:
+    """Raise ArgumentError if rest at the targets is outside a limit."""
+    s, rest = program.statement, program.standstill
+    values = program.rows(rest.x, rest.w, rest.w, s.targets).full()[:, 0]
+    for r, value in zip(s.rows, values, strict=True):
+        if not r.low - OUTSIDE * r.size <= value <= r.high + OUTSIDE * r.size:
+            raise ArgumentError(
+                f"rest at the targets has {r.name} = {value:.4g}, outside its limits {r.low:g} to {r.high:g}; move the "
+                "target, or the limit", "targets",
+            )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,6 +244,17 @@ class Controller(StepFunction, Portable):
             StepMember("begun", description="1 after the first cycle", integer=True),
         ]  # fmt: skip
 
+    @property
+    def bounds(self) -> dict[str, list[list[float | None]]]:
+        """Limits of variables that are also references: lower ones and upper ones of their entries; None: no limit."""
+        rows = {r.name: [b if np.isfinite(b) else None for b in (r.low, r.high)] for r in self.program.statement.rows}
+        found = dict[str, list[list[float | None]]]()
+        for k in self.program.statement.references:
+            names = [k.name] if k.size == 1 else [f"{k.name}[{j}]" for j in range(k.size)]
+            if set(names) & set(rows):
+                found[k.name] = [list(side) for side in zip(*(rows.get(n, [None, None]) for n in names), strict=True)]
+        return found
+
     def kernels(self, symbol: str) -> list[ca.Function]:
         """Return the generated functions under their C names."""
         return kernels_of(self, symbol)
@@ -250,6 +276,7 @@ class Controller(StepFunction, Portable):
                 "length_ms": 1e3 * horizon.stage, "preview": horizon.preview, "limits": self.limits,
                 "causality": program.statement.causality, "delay": horizon.delay, "patience": horizon.patience,
                 "spectral_radius": float(f"{self.radius():.3g}"),  # digits that do not depend on the machine
+                **({"bounds": self.bounds} if self.bounds else {}),
                 **({} if self.servo is None else dict(zip(("stiffness", "damping"), self._gains, strict=True))),
                 "kernels": text}  # fmt: skip
 
@@ -400,7 +427,14 @@ class Controller(StepFunction, Portable):
         if start is not None and start.v.shape != (self.program.qp.count, self.program.qp.stage.inputs):
             raise ArgumentError("expected a plan of this controller; found one of another size", "start")
         shift = np.broadcast_to(shift, (nd,))
-        return converged(self, state, goals or {}, shift, start, max_iterations, tolerance)
+        plan = converged(self, state, goals or {}, shift, start, max_iterations, tolerance)
+        p, first, beyond = self.references_of(goals or {}), 0, list[str]()
+        for k in self.program.statement.references:
+            values, first = p[first : first + k.size], first + k.size
+            low, high = (np.array(side, float)[:, None] for side in self.bounds.get(k.name, ([None], [None])))
+            if np.any((values < low) | (values > high)):
+                beyond.append(f"the goal of '{k.name}' is outside its limits, which the price of the limits holds it to")
+        return replace(plan, notes=[*plan.notes, *beyond])
 
     def references_of(self, goals: Mapping[str, Any]) -> np.ndarray:
         """Return the references of all stages and the end, (numbers, stages + 1), with the targets for those left out.
@@ -438,7 +472,8 @@ class Controller(StepFunction, Portable):
         Its inputs are the measured variables, or the states, with "_" for other signs, and NAME_goal for references;
         its outputs the inputs of the plant, the further outputs as next_NAME, and failed, lost, iterations and
         clipped. The delay of the horizon is that of the block. In a cycle that ends in another status than OK, failed
-        is -1 and all other outputs stay as they were: assert that it stays at least 0.
+        is -1 and all other outputs stay as they were: assert that it stays at least 0. Raises ArgumentError for a
+        controller that commands a servo.
         """
         return block_of(self)
 
@@ -449,7 +484,7 @@ class Controller(StepFunction, Portable):
         References are inputs of the loop, law.NAME_goal. A cycle that ends in another status than OK ends the
         simulation as failed. For a controller with preview use `block`.
 
-        Raises ArgumentError for a controller with preview, and ModelError if the inputs are not the plant's own.
+        Raises ArgumentError for a controller with preview or with a servo, and ModelError if the inputs are not the plant's own.
         """
         return closed_loop(self, plant)
 

@@ -177,11 +177,11 @@ class Discretised(Portable):
         clipped = SX(0)
         for k in range(forces.numel()):
             clipped = ca.fmax(clipped, ca.fabs(forces[k] - bounded[k]))
-        at_end = lambda e: ca.substitute(moved(e), s.x, moved(period))  # noqa: E731
-        arguments, results = [s.x, s.v, self.d, s.p], [bounded, clipped, at_end(s.outputs) if s.shown else SX(0, 1)]
+        shown = ca.substitute(moved(s.outputs), s.x, moved(period)) if s.shown else SX(0, 1)
+        arguments, results = [s.x, s.v, self.d, s.p], [bounded, clipped, shown]
         if self.servo:
             arguments += [before, speeds]
-            results.append(self.servo.command([at_end(e) for e in self.servo.parts], bounded, before, speeds))
+            results.append(self.servo.command([moved(e) for e in self.servo.parts], bounded, before, speeds))
         self.command = _functions("command", arguments, results)
 
     @property

@@ -15,11 +15,15 @@ FOREVER = 1e300  # a jump that is never exceeded
 
 
 def numbers(value: Any, argument: str) -> np.ndarray:
-    """Return an array of numbers, which may be NaN or infinite. Raises ArgumentError for anything else."""
+    """Return an array of numbers, which may be NaN or infinite. Raises ArgumentError for anything else, and for truth
+    values."""
     try:
-        return np.asarray(value, float)
+        array = np.asarray(value, float)
+        if not any(isinstance(v, (bool, np.bool_)) for v in np.asarray(value, object).ravel()):
+            return array
     except (TypeError, ValueError):
-        raise ArgumentError(f"expected numbers; found {described(value)}", argument) from None
+        pass
+    raise ArgumentError(f"expected numbers; found {described(value)}", argument)
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ import casadi as ca
 import numpy as np
 
 from .._pickling import Portable
-from ..linear.state_space import held
-from ..results.refusal import ArgumentError
+from ..linear.state_space import held as held_input
+from ..results.refusal import ArgumentError, naming
 from .options import AxisServo
 from .statement import Statement
 
@@ -41,7 +41,8 @@ class ServoedAxes(Portable):
         n, m = s.x.numel(), s.v.numel()
         if len(s.sensors) != 1 or len(s.inputs) != 1 or not s.sensors[0].size == s.inputs[0].size == m:
             raise ArgumentError(NEEDS, "servo")
-        self.kp, self.kd = servo.gains(m)
+        with naming("servo."):
+            self.kp, self.kd = servo.gains(m)
         self.period, self.axes = period, m
         ends = np.cumsum([0, *[k.size for k in s.shown]]).tolist()
         at = {k.name: s.outputs[a : a + k.size] for k, a in zip(s.shown, ends, strict=False)}
@@ -68,7 +69,7 @@ class ServoedAxes(Portable):
         A, B = np.zeros((n + 2 * m, n + 2 * m)), np.zeros((n + 2 * m, m))
         A[:n, :n], A[:n, n : n + m], A[n : n + m, n + m :] = self._rates[:, :n] - per_force @ holds, per_force, np.eye(m)
         B[n + m :] = 2 * np.eye(m)
-        F, G = held(A, B, self.period)
+        F, G = held_input(A, B, self.period)
         return F[:n, :n], [F[:n, n : n + m], F[:n, n + m :], G[:n]]
 
     def response(self, parts: list[Any], force: Any, sent: Any, speeds: Any) -> Any:
@@ -88,12 +89,19 @@ class ServoedAxes(Portable):
         return total
 
     def command(self, parts: list[Any], force: Any, before: Any, speeds: Any) -> Any:
-        """Return the position by which the servo makes a force, on average over a cycle of constant acceleration.
+        """Return the position by which the servo makes a force, on average over the cycle.
 
-        parts: position, speed and acceleration at its end. before, speeds: as for `response`.
+        It is the position after which `response` is least, in the squares of speed and of position over the period: a
+        stiff servo that holds a position within the cycle cannot bring both to nothing. Arguments as for `response`;
+        before: the position commanded before.
         """
-        kp, kd, (q, dq, ddq) = ca.DM(self.kp), ca.DM(self.kd), parts
-        speed = dq - ddq * (self.period / 2.0)
-        position = (q - dq * (self.period / 2.0)) + ddq * (self.period**2 / 6.0)
-        ahead = speeds * (kp / 2.0 + kd / self.period)  # the position moves on within the cycle
-        return (((force + kp * position) + kd * speed) + ahead * before) / (kp + ahead)
+        if_held = self.response(parts, force, ca.vertcat(before, before), speeds)
+        without, with_ = (self._undoing(s) for s in (0.0, 1.0))
+        return before - ca.mtimes((1.0 - speeds) * ca.SX(without) + speeds * ca.SX(with_), if_held)
+
+    def _undoing(self, speeds: float) -> np.ndarray:
+        """Change of a command, (m,), that undoes a change of the state after the cycle, (n,), as far as it can."""
+        n, (_, (held, ramp, _)) = len(self._rates), self.motion(self.kp, self.kd)
+        by_command = held * (self.kp + speeds * self.kd / self.period) + ramp * (speeds * self.kp / self.period)
+        weights = np.vstack([self._speed[:, :n], self._position[:, :n] / self.period])
+        return np.linalg.lstsq(weights @ by_command, weights, rcond=None)[0]
