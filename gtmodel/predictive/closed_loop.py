@@ -27,7 +27,9 @@ class LinearCycle:
         """Slopes of a result of `advance` or `command` by each argument."""
         program, symbols = self.program, f.sx_in()
         s, rest = program.statement, program.standstill
-        values = [rest.x, rest.w, 0.0, s.targets, 0.0, float(speeds)][: len(symbols)]  # linear in what is commanded
+        values = [rest.x, rest.w, 0.0, s.targets]
+        if program.servo:
+            values += [np.resize(program.servo.holding, symbols[4].numel()), float(speeds)]
         e = f.call(symbols)[result]
         slopes = ca.Function("slopes", symbols, [ca.jacobian(e, a) for a in symbols])(*values)
         return [np.asarray(ca.DM(v).full()) for v in slopes]
@@ -82,10 +84,10 @@ class LinearCycle:
         if axes is None or servo is None:
             return _radius([advance[0] @ state + advance[1] @ queue[0], *rows])
         kp, kd = servo.gains(m)
-        F, (held, ramp, _) = axes.motion(kp, kd)
+        F, by_force, by_rate = axes.motion(kp, kd)
         du = (way[1] - way[0]) / program.horizon.period * float(speeds)
         force, rate = kp[:, None] * way[1] + kd[:, None] * du, kp[:, None] * du
-        return _radius([F @ state + held @ force + ramp @ rate, *rows])
+        return _radius([F @ state + by_force @ force + by_rate @ rate, *rows])
 
 
 def _radius(rows: list[Any]) -> float:

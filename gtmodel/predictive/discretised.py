@@ -166,7 +166,7 @@ class Discretised(Portable):
         predicted, forces = moved(period), ca.substitute(s.forces, s.w, s.v)
         if self.servo:
             commanded = [SX.sym("sent", 2 * m), speeds]
-            predicted += self.servo.response([moved(e) for e in self.servo.parts], forces, *commanded)
+            predicted += self.servo.response(moved, forces, *commanded)
         self.advance = _function("advance", [s.x, s.v, self.d, s.p, *commanded], [predicted])
         self.observer = self._observer(predicted, commanded, measured, disturbance)
         self.locate, self.correct = self._location(), self._correction()
@@ -181,7 +181,7 @@ class Discretised(Portable):
         arguments, results = [s.x, s.v, self.d, s.p], [bounded, clipped, shown]
         if self.servo:
             arguments += [before, speeds]
-            results.append(self.servo.command([moved(e) for e in self.servo.parts], bounded, before, speeds))
+            results.append(self.servo.command(moved, bounded, before, speeds))
         self.command = _functions("command", arguments, results)
 
     @property
@@ -232,7 +232,8 @@ class Discretised(Portable):
         parts = [(predicted, s.x), (predicted, self.d), (s.measured, s.x), (s.forces, s.w)]
         arguments = [s.x, s.w, s.v, self.d, s.p, *commanded]
         f = ca.Function("f", arguments, [ca.jacobian(e, by) for e, by in parts])
-        values = f(rest.x, rest.w, rest.w, 0.0, s.targets, *[1.0 for _ in commanded])  # linear in what is commanded
+        holding = [np.tile(self.servo.holding, 2), 1.0] if self.servo else []
+        values = f(rest.x, rest.w, rest.w, 0.0, s.targets, *holding)
         A, B, C, force = (np.asarray(ca.DM(v).full()) for v in values)
         spread = np.concatenate([np.full(i.size, _spread(disturbance, i.name)) for i in s.inputs])
         back = np.linalg.inv(force)

@@ -3,11 +3,11 @@
 The plan gives the force of a cycle. The servo F = kp (u - q) + kd (du - dq) makes it, on average over the cycle, by the
 position that is commanded. But the robot is not quite where it was predicted to be, and the force changes within the
 cycle: the servo acts against both. On the motion of a cycle of length T under the constant force that is planned, the
-force of the servo differs from it by c0 + c1 t + c2 t^2. The state then ends at
+force of the servo differs from it by c(t) = c0 + c1 t + c2 t^2. From there the axes deviate by e(t),
 
-    x(T) + response[0] c0 + response[1] c1 + response[2] c2
+    e'' = L (c - kp e - kd e'),    e(0) = e'(0) = 0,    L: acceleration of the axes by their forces, at this state
 
-with constant matrices from the linear model at the targets, where the filter has its gains.
+whose Taylor series is summed up at T.
 """
 
 from __future__ import annotations
@@ -18,15 +18,17 @@ import casadi as ca
 import numpy as np
 
 from .._pickling import Portable
-from ..linear.state_space import held as held_input
+from ..linear.state_space import held
 from ..results.refusal import ArgumentError, naming
 from .options import AxisServo
 from .statement import Statement
 
 NEEDS = (
     "a servo moves axes that are measured and have a force each: measure their positions alone, and declare their forces "
-    "as the one input of the model"
+    "as the one input of a model whose states are positions and speeds"
 )
+ROUNDED = 1e-6  # relative size of the last term of the series
+ELSEWHERE = 1.5  # axes may have so much higher natural frequencies at other states than at the targets
 
 
 def axis_signals(q: str) -> list[str]:
@@ -35,73 +37,106 @@ def axis_signals(q: str) -> list[str]:
 
 
 class ServoedAxes(Portable):
-    """Axes under a servo, about rest at the targets; `parts` are their position, speed and acceleration, in (x, w)."""
+    """Axes under a servo. `parts`: their position, speed and acceleration, in (x, w). holding: the position to command
+    at rest at the targets."""
 
     def __init__(self, s: Statement, rest: tuple[np.ndarray, np.ndarray], servo: AxisServo, period: float) -> None:
         n, m = s.x.numel(), s.v.numel()
-        if len(s.sensors) != 1 or len(s.inputs) != 1 or not s.sensors[0].size == s.inputs[0].size == m:
+        if len(s.sensors) != 1 or len(s.inputs) != 1 or not s.sensors[0].size == s.inputs[0].size == m == n / 2:
             raise ArgumentError(NEEDS, "servo")
         with naming("servo."):
             self.kp, self.kd = servo.gains(m)
         self.period, self.axes = period, m
         ends = np.cumsum([0, *[k.size for k in s.shown]]).tolist()
         at = {k.name: s.outputs[a : a + k.size] for k, a in zip(s.shown, ends, strict=False)}
-        self.parts = [at[name] for name in axis_signals(s.sensors[0].name)]
-        z = ca.vertcat(s.x, s.w)
-        slopes = [ca.jacobian(e, z) for e in (s.rates, s.forces, self.parts[0], self.parts[1])]
-        values = ca.Function("slopes", [z, s.p], slopes)(np.concatenate(rest), s.targets)
-        (self._rates, self._forces, self._position, self._speed) = (np.asarray(ca.DM(v).full()) for v in values)
-        if np.any(self._speed[:, n:]) or not np.all(np.isfinite(self._back())):
+        self.parts = q, dq, ddq = [at[name] for name in axis_signals(s.sensors[0].name)]
+        places = [k for k in range(n) if ca.depends_on(q, s.x[k])]
+        speeds = [k for k in range(n) if k not in places]
+        if len(places) != m or ca.depends_on(dq, s.w):
             raise ArgumentError(NEEDS, "servo")
+        z = ca.vertcat(s.x, s.w)
+        terms = [q, s.forces, *(ca.jacobian(e, z) for e in (s.rates, s.forces, q, dq))]
+        values = ca.Function("slopes", [z, s.p], terms)(np.concatenate(rest), s.targets)
+        q0, force, *slopes = (np.asarray(ca.DM(v).full()) for v in values)
+        self._rates, self._forces, self._position, self._speed = slopes
+        with np.errstate(all="ignore"):
+            try:
+                back = np.linalg.inv(self._forces[:, n:])
+            except np.linalg.LinAlgError:
+                raise ArgumentError(NEEDS, "servo") from None
+        self._per_force = self._rates[:, n:] @ back
+        self.holding = q0[:, 0] + force[:, 0] / self.kp
+        fastest = ELSEWHERE * period * float(np.abs(np.linalg.eigvals(self._slope(self.kp, self.kd))).max())
+        size, self._terms = 1.0, 2
+        while size > ROUNDED or self._terms < fastest:
+            self._terms += 1
+            size *= fastest / (self._terms - 2)
+        self._lightness = ca.solve(ca.jacobian(s.forces, s.w).T, ca.jacobian(ddq, s.w).T).T
+        self._places, self._speeds, self._slopes = places, speeds, [ca.jacobian(e, s.x)[:, places] for e in (q, dq)]
+        self._undoing = [self._undone(speeds) for speeds in (0.0, 1.0)]
 
-    def _back(self) -> np.ndarray:
-        """Input of the stages by the force of the axes."""
-        try:
-            return np.linalg.inv(self._forces[:, len(self._rates) :])
-        except np.linalg.LinAlgError:
-            return np.full((self.axes, self.axes), np.nan)
-
-    def motion(self, kp: np.ndarray, kd: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Return the state after a cycle by that before, (n, n), and by the numbers of a force c0 + c1 t + c2 t^2."""
-        n, m = len(self._rates), self.axes
-        per_force = self._rates[:, n:] @ self._back()
+    def _slope(self, kp: np.ndarray, kd: np.ndarray) -> np.ndarray:
+        """Slope of the rates by the state under a servo that holds a position."""
+        n = len(self._rates)
         holds = kp[:, None] * self._position[:, :n] + kd[:, None] * self._speed[:, :n] + self._forces[:, :n]
-        A, B = np.zeros((n + 2 * m, n + 2 * m)), np.zeros((n + 2 * m, m))
-        A[:n, :n], A[:n, n : n + m], A[n : n + m, n + m :] = self._rates[:, :n] - per_force @ holds, per_force, np.eye(m)
-        B[n + m :] = 2 * np.eye(m)
-        F, G = held_input(A, B, self.period)
-        return F[:n, :n], [F[:n, n : n + m], F[:n, n + m :], G[:n]]
+        return self._rates[:, :n] - self._per_force @ holds
 
-    def response(self, parts: list[Any], force: Any, sent: Any, speeds: Any) -> Any:
+    def motion(self, kp: np.ndarray, kd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the state after a cycle at the targets by that before, by a force that is added, and by its rate."""
+        n, m = len(self._rates), self.axes
+        A = np.zeros((n + m, n + m))
+        A[:n, :n], A[:n, n:] = self._slope(kp, kd), self._per_force
+        F, G = held(A, np.vstack([np.zeros((n, m)), np.eye(m)]), self.period)
+        return F[:n, :n], F[:n, n:], G[:n]
+
+    def _undone(self, speeds: float) -> np.ndarray:
+        """Change of a command, (m,), that undoes a deviation of positions and speeds after the cycle, (2m,)."""
+        n, (_, force, rate) = len(self._rates), self.motion(self.kp, self.kd)
+        by_command = force * (self.kp + speeds * self.kd / self.period) + rate * (speeds * self.kp / self.period)
+        scale = np.repeat([1.0 / self.period, 1.0], self.axes)[:, None]
+        slopes = scale * np.vstack([self._position[:, :n], self._speed[:, :n]]) @ by_command
+        return np.linalg.pinv(slopes) * scale.T
+
+    def _deviation(self, parts: list[Any], lightness: Any, force: Any, sent: Any, speeds: Any) -> tuple[Any, Any]:
+        """Deviation of positions and of speeds after a cycle, by the series."""
+        kp, kd, (q, dq, ddq), T = ca.DM(self.kp), ca.DM(self.kd), parts, self.period
+        before, u = sent[: self.axes], sent[self.axes :]
+        du = speeds * ((u - before) / T)
+        # derivatives of the force at the beginning, times powers of T
+        c = [kp * (u - q) + kd * (du - dq) - force, T * (kp * (du - dq) - kd * ddq), -T * T * (kp * ddq)]
+        terms = [ca.SX.zeros(self.axes), ca.SX.zeros(self.axes)]
+        for k in range(self._terms - 2):
+            given = c[k] if k < len(c) else 0.0
+            push = given - (kp * terms[k] + (kd / T) * terms[k + 1])
+            terms.append(ca.mtimes(lightness, (T * T) * push))
+        place, speed, factorial = terms[-1] * 0.0, terms[-1] * 0.0, 1.0
+        for k in range(2, len(terms)):
+            speed += terms[k] / (factorial * T)  # (k - 1)!
+            factorial *= k
+            place += terms[k] / factorial
+        return place, speed
+
+    def response(self, moved: Any, force: Any, sent: Any, speeds: Any) -> Any:
         """Return what the servo adds to the state after a cycle of a planned force.
 
-        parts: position, speed and acceleration at its beginning. sent: the position commanded before, and that of the
-        cycle. speeds: 1 if the servo also receives the way between them over the period as a speed, else 0.
+        moved: replaces w in an expression. sent: the position commanded before, and that of the cycle. speeds: 1 if the
+        servo also receives the way between them over the period as a speed, else 0.
         """
-        kp, kd, (q, dq, ddq) = ca.DM(self.kp), ca.DM(self.kd), parts
-        before, u = sent[: self.axes], sent[self.axes :]
-        du = speeds * ((u - before) / self.period)
-        numbers = [kp * (u - q) + kd * (du - dq) - force, kp * (du - dq) - kd * ddq, -(kp / 2.0) * ddq]
-        _, matrices = self.motion(self.kp, self.kd)
-        total = ca.SX.zeros(len(self._rates))
-        for G, c in zip(matrices, numbers, strict=True):
-            total += ca.mtimes(ca.SX(G), c)
-        return total
+        place, speed = self._deviation([moved(e) for e in self.parts], moved(self._lightness), force, sent, speeds)
+        by_place, turning = self._slopes
+        change = ca.SX.zeros(len(self._rates))
+        change[self._places] = ca.solve(by_place, place)
+        change[self._speeds] = ca.solve(by_place, speed - ca.mtimes(turning, change[self._places]))
+        return change
 
-    def command(self, parts: list[Any], force: Any, before: Any, speeds: Any) -> Any:
+    def command(self, moved: Any, force: Any, before: Any, speeds: Any) -> Any:
         """Return the position by which the servo makes a force, on average over the cycle.
 
-        It is the position after which `response` is least, in the squares of speed and of position over the period: a
-        stiff servo that holds a position within the cycle cannot bring both to nothing. Arguments as for `response`;
-        before: the position commanded before.
+        It is the position after which speeds, and positions over the period, deviate least from the plan, in the sum of
+        squares, with the inertia at the targets: a stiff servo that holds a position within the cycle cannot bring both
+        to nothing. Arguments as for `response`; before: the position commanded before.
         """
-        if_held = self.response(parts, force, ca.vertcat(before, before), speeds)
-        without, with_ = (self._undoing(s) for s in (0.0, 1.0))
-        return before - ca.mtimes((1.0 - speeds) * ca.SX(without) + speeds * ca.SX(with_), if_held)
-
-    def _undoing(self, speeds: float) -> np.ndarray:
-        """Change of a command, (m,), that undoes a change of the state after the cycle, (n,), as far as it can."""
-        n, (_, (held, ramp, _)) = len(self._rates), self.motion(self.kp, self.kd)
-        by_command = held * (self.kp + speeds * self.kd / self.period) + ramp * (speeds * self.kp / self.period)
-        weights = np.vstack([self._speed[:, :n], self._position[:, :n] / self.period])
-        return np.linalg.lstsq(weights @ by_command, weights, rcond=None)[0]
+        sent = ca.vertcat(before, before)
+        if_held = self._deviation([moved(e) for e in self.parts], moved(self._lightness), force, sent, speeds)
+        without, with_ = (ca.SX(g) for g in self._undoing)
+        return before - ca.mtimes((1.0 - speeds) * without + speeds * with_, ca.vertcat(*if_held))

@@ -18,8 +18,8 @@ from gtmodel.results import Status
 GOAL = np.array([0.5, -0.9, 0.3])
 INERTIA = np.array([36.6, 27.9, 54.3])  # of the carts at the goal, kg
 PERIOD = 0.004
-# several modes begin together, the delay passes first, and friction is not linear; the programs are solved to 1e-6
-SEVERAL, FLOOR = 5.0, 1e-7
+# several modes begin together, and the delay passes first; the programs are solved to 1e-6 of their cost
+SEVERAL, FLOOR = 2.0, 1e-9  # -, m
 
 
 def of_rate(rate: float, damping: float) -> AxisServo:
@@ -80,7 +80,6 @@ def test_a_free_motion_decays_as_the_spectral_radius_says(rate: float, speeds: b
             plant.step(*pipe.pop(0))
         errors.append(np.abs(plant.position_m - goal).max())
     envelope = SEVERAL * errors[0] * law.radius(speeds=speeds) ** np.arange(len(errors)) + FLOOR
-    print(rate,speeds,(np.array(errors)/envelope).max(), np.array(errors)[-40::5])
     assert np.all(errors < envelope)
 
 
