@@ -164,9 +164,11 @@ class Discretised(Portable):
         self.servo = None if servo is None else ServoedAxes(s, (self.standstill.x, self.standstill.w), servo, horizon.period)
         commanded, before, speeds = list[Any](), SX.sym("before", m), SX.sym("speeds")
         predicted, forces = moved(period), ca.substitute(s.forces, s.w, s.v)
+        at_end = lambda e: ca.substitute(moved(e), s.x, moved(period))  # noqa: E731
+        later = ca.substitute(forces, s.x, moved(period))
         if self.servo:
             commanded = [SX.sym("sent", 2 * m), speeds]
-            predicted += self.servo.response(moved, forces, *commanded)
+            predicted += self.servo.response(moved, at_end, (forces, later), *commanded)
         self.advance = _function("advance", [s.x, s.v, self.d, s.p, *commanded], [predicted])
         self.observer = self._observer(predicted, commanded, measured, disturbance)
         self.locate, self.correct = self._location(), self._correction()
@@ -177,11 +179,10 @@ class Discretised(Portable):
         clipped = SX(0)
         for k in range(forces.numel()):
             clipped = ca.fmax(clipped, ca.fabs(forces[k] - bounded[k]))
-        shown = ca.substitute(moved(s.outputs), s.x, moved(period)) if s.shown else SX(0, 1)
-        arguments, results = [s.x, s.v, self.d, s.p], [bounded, clipped, shown]
+        arguments, results = [s.x, s.v, self.d, s.p], [bounded, clipped, at_end(s.outputs) if s.shown else SX(0, 1)]
         if self.servo:
             arguments += [before, speeds]
-            results.append(self.servo.command(moved, bounded, before, speeds))
+            results.append(self.servo.command(moved, at_end, (bounded, bounded + later - forces), before, speeds))
         self.command = _functions("command", arguments, results)
 
     @property

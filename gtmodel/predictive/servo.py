@@ -2,8 +2,8 @@
 
 The plan gives the force of a cycle. The servo F = kp (u - q) + kd (du - dq) makes it, on average over the cycle, by the
 position that is commanded. But the robot is not quite where it was predicted to be, and the force changes within the
-cycle: the servo acts against both. On the motion of a cycle of length T under the constant force that is planned, the
-force of the servo differs from it by c(t) = c0 + c1 t + c2 t^2. From there the axes deviate by e(t),
+cycle: the servo acts against both. On the motion that a cycle of length T plans, its force differs from the planned one
+by c(t), a polynomial from positions, speeds, accelerations and forces at both ends. From there the axes deviate by e(t),
 
     e'' = L (c - kp e - kd e'),    e(0) = e'(0) = 0,    L: acceleration of the axes by their forces, at this state
 
@@ -97,13 +97,17 @@ class ServoedAxes(Portable):
         slopes = scale * np.vstack([self._position[:, :n], self._speed[:, :n]]) @ by_command
         return np.linalg.pinv(slopes) * scale.T
 
-    def _deviation(self, parts: list[Any], lightness: Any, force: Any, sent: Any, speeds: Any) -> tuple[Any, Any]:
+    def _deviation(self, at: Any, at_end: Any, forces: tuple[Any, Any], sent: Any, speeds: Any) -> tuple[Any, Any]:
         """Deviation of positions and of speeds after a cycle, by the series."""
-        kp, kd, (q, dq, ddq), T = ca.DM(self.kp), ca.DM(self.kd), parts, self.period
+        kp, kd, (q, dq, ddq), T = ca.DM(self.kp), ca.DM(self.kd), [at(e) for e in self.parts], self.period
+        jerk, lightness = at_end(self.parts[2]) - ddq, at(self._lightness)  # over the cycle
         before, u = sent[: self.axes], sent[self.axes :]
         du = speeds * ((u - before) / T)
         # derivatives of the force at the beginning, times powers of T
-        c = [kp * (u - q) + kd * (du - dq) - force, T * (kp * (du - dq) - kd * ddq), -T * T * (kp * ddq)]
+        c = [
+            kp * (u - q) + kd * (du - dq) - forces[0], T * (kp * (du - dq) - kd * ddq) - (forces[1] - forces[0]),
+            -T * (T * (kp * ddq) + kd * jerk), -T * T * (kp * jerk),
+        ]  # fmt: skip
         terms = [ca.SX.zeros(self.axes), ca.SX.zeros(self.axes)]
         for k in range(self._terms - 2):
             given = c[k] if k < len(c) else 0.0
@@ -116,27 +120,32 @@ class ServoedAxes(Portable):
             place += terms[k] / factorial
         return place, speed
 
-    def response(self, moved: Any, force: Any, sent: Any, speeds: Any) -> Any:
+    def response(self, at: Any, at_end: Any, forces: tuple[Any, Any], sent: Any, speeds: Any) -> Any:
         """Return what the servo adds to the state after a cycle of a planned force.
 
-        moved: replaces w in an expression. sent: the position commanded before, and that of the cycle. speeds: 1 if the
+        at, at_end: put the motion at the beginning and at the end of the cycle into an expression of (x, w). forces:
+        planned at both. sent: the position commanded before, and that of the cycle. speeds: 1 if the
         servo also receives the way between them over the period as a speed, else 0.
         """
-        place, speed = self._deviation([moved(e) for e in self.parts], moved(self._lightness), force, sent, speeds)
-        by_place, turning = self._slopes
+        place, speed = self._deviation(at, at_end, forces, sent, speeds)
+        by_place, turning = (at_end(e) for e in self._slopes)
         change = ca.SX.zeros(len(self._rates))
         change[self._places] = ca.solve(by_place, place)
         change[self._speeds] = ca.solve(by_place, speed - ca.mtimes(turning, change[self._places]))
         return change
 
-    def command(self, moved: Any, force: Any, before: Any, speeds: Any) -> Any:
+    def command(self, at: Any, at_end: Any, forces: tuple[Any, Any], before: Any, speeds: Any) -> Any:
         """Return the position by which the servo makes a force, on average over the cycle.
 
-        It is the position after which speeds, and positions over the period, deviate least from the plan, in the sum of
-        squares, with the inertia at the targets: a stiff servo that holds a position within the cycle cannot bring both
-        to nothing. Arguments as for `response`; before: the position commanded before.
+        On a motion of constant acceleration the mean of the servo's force is that of the plan. The axes still deviate
+        from it within the cycle; a second step brings speeds, and positions over the period, as near to the plan as one
+        number for each axis can, with the inertia at the targets. Arguments as for `response`; before: the position
+        commanded before.
         """
-        sent = ca.vertcat(before, before)
-        if_held = self._deviation([moved(e) for e in self.parts], moved(self._lightness), force, sent, speeds)
+        kp, kd, T, (q, dq, ddq) = ca.DM(self.kp), ca.DM(self.kd), self.period, [at(e) for e in self.parts]
+        ahead = speeds * (kp / 2.0 + kd / T)  # the position moves on within the cycle
+        wanted = forces[0] + kp * (q + dq * (T / 2.0) + ddq * (T * T / 6.0)) + kd * (dq + ddq * (T / 2.0))
+        first = (wanted + ahead * before) / (kp + ahead)
+        left = self._deviation(at, at_end, forces, ca.vertcat(before, first), speeds)
         without, with_ = (ca.SX(g) for g in self._undoing)
-        return before - ca.mtimes((1.0 - speeds) * without + speeds * with_, ca.vertcat(*if_held))
+        return first - ca.mtimes((1.0 - speeds) * without + speeds * with_, ca.vertcat(*left))
