@@ -232,7 +232,8 @@ def _plan_text(plan: GeneratedPlan, real: str) -> str:
     )
     return (
         "static gt_status gt_loop_model_begin(void *state, int sends_speed)\n{\n"
-        f"    {symbol}_start start;\n\n    {symbol}_defaults(&start);\n    start.speeds = (sends_speed != 0) ? 1.0 : 0.0;\n"
+        f"    {symbol}_start start;\n\n    {symbol}_defaults(&start);\n"
+        "    start.speeds = (sends_speed != 0) ? 1.0 : 0.0;\n"
         f"    return {symbol}_init(({symbol}_state *)state, &start);\n}}\n\n"
         "static gt_status gt_loop_model_step(void *state, const double *position_m, const double *before_m, "
         "const double *goals, gt_plan_cycle *cycle)\n{\n"

@@ -331,8 +331,8 @@ def _agreed(servo: Servo | None, planning: GeneratedPlan | None) -> Servo | None
             key, known = ("stiffness", "kp_N_m") if name == "kp_N_m" else ("damping", "kd_N_s_m")
             made = ", ".join(f"{g:g}" for g in getattr(planning.servo, known))
             raise ArgumentError(
-                f"the servo of the plant has {getattr(servo, name):g}, but the predictive controller was made for {made}: "
-                f"give both the same {key}, and generate the folder again", f"plant.{key}",
+                f"the servo of the plant has {getattr(servo, name):g}, but the predictive controller was made for "
+                f"{made}: give both the same {key}, and generate the folder again", f"plant.{key}",
             )  # fmt: skip
     return servo
 
@@ -350,8 +350,8 @@ def _planning(folder: Path, axes: int, joints: bool) -> GeneratedPlan:
     plan = plan_of(content, axes)
     if plan is None or plan.period_ms != CYCLE_MS:
         raise ArgumentError(
-            f"the folder has no predictive controller with a period of {CYCLE_MS} ms that measures q alone and commands "
-            "its servo, which makes tau; add such a table [[predictive]] with a servo to the problem", "folder",
+            f"the folder has no predictive controller with a period of {CYCLE_MS} ms that measures q alone and "
+            "commands its servo, which makes tau; add such a table [[predictive]] with servo to the problem", "folder",
         )  # fmt: skip
     if "gt_loop_model_inverse_dynamics" not in adapter(content, axes, joints):
         known = "q" if joints else "T"

@@ -56,7 +56,12 @@ class PredictiveLaw:
     def __post_init__(self) -> None:
         law = self.controller
         first = law.readings[0].name
-        names = {"command": f"{first}.command", "position": first, "speed": f"der({first})", "force": f"{first[:-1]}tau"}
+        names = {
+            "command": f"{first}.command",
+            "position": first,
+            "speed": f"der({first})",
+            "force": f"{first[:-1]}tau",
+        }
         given = {k.name: k.identifier for k in law.outputs}
         missing = [name for name in names.values() if name not in given]
         if len(law.readings) != 1 or law.readings[0].count != self.axes or missing:

@@ -27,8 +27,8 @@ OFFSET_MM = 0.1  # largest offset at rest
 class PredictiveLoop(LoopStudy):
     """Two runs of the loop on the same motion: computed torque, and an optimum in every cycle.
 
-    Forces, and torques of joints, are those that the servo asks for; motors saturate at the limit. active: share of the cycles in whose plan a
-    limit is active, by its name.
+    Forces, and torques of joints, are those that the servo asks for; motors saturate at the limit. active: share of the
+    cycles in whose plan a limit is active, by its name.
     """
 
     force_limit: Annotated[float | None, Quantity("N", "largest force of the motors; null: unlimited")] = None
@@ -136,7 +136,9 @@ def quantities(bench: Bench, runs: Sequence[OneRun], plan: GeneratedPlan) -> tup
         advice = "the controller does not hold the goal: let it estimate a disturbance of each input"
         checks["offset_at_rest"] = at_most(offsets[-1], OFFSET_MM, advice)
     numbers["spectral_radius"] = plan.radius
-    checks["spectral_radius"] = at_most(plan.radius, 1.0, "the loop does not settle: give more stages, or a cost after the horizon")
+    checks["spectral_radius"] = at_most(
+        plan.radius, 1.0, "the loop does not settle: give more stages, or a cost after the horizon"
+    )
     checks["solved_cycles"] = at_least(1.0 - counted[0] / max(1, len(took)), 0.99, "raise max_iterations")
     return numbers, checks
 

@@ -79,7 +79,9 @@ class LinearCycle:
         queue.append(-self.gain @ ahead - shift)
         if axes:
             command = self._slopes(program.command, 3, speeds)
-            way.append(command[0] @ ahead + command[1] @ queue[-1] + (command[2] @ d if nd else 0.0) + command[4] @ way[-1])
+            way.append(
+                command[0] @ ahead + command[1] @ queue[-1] + (command[2] @ d if nd else 0.0) + command[4] @ way[-1]
+            )
         rows = [*([advanced(hat, queue[0], 0)] if o is not None else []), d, *queue[1:], *way[1:]]
         if axes is None or servo is None:
             return _radius([advance[0] @ state + advance[1] @ queue[0], *rows])

@@ -433,7 +433,9 @@ class Controller(StepFunction, Portable):
             values, first = p[first : first + k.size], first + k.size
             low, high = (np.array(side, float)[:, None] for side in self.bounds.get(k.name, ([None], [None])))
             if np.any((values < low) | (values > high)):
-                beyond.append(f"the goal of '{k.name}' is outside its limits, which the price of the limits holds it to")
+                beyond.append(
+                    f"the goal of '{k.name}' is outside its limits, which the price of the limits holds it to"
+                )
         return replace(plan, notes=[*plan.notes, *beyond])
 
     def references_of(self, goals: Mapping[str, Any]) -> np.ndarray:
@@ -484,7 +486,8 @@ class Controller(StepFunction, Portable):
         References are inputs of the loop, law.NAME_goal. A cycle that ends in another status than OK ends the
         simulation as failed. For a controller with preview use `block`.
 
-        Raises ArgumentError for a controller with preview or with a servo, and ModelError if the inputs are not the plant's own.
+        Raises ArgumentError for a controller with preview or with a servo, and ModelError if the inputs are not the
+        plant's own.
         """
         return closed_loop(self, plant)
 

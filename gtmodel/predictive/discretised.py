@@ -161,7 +161,9 @@ class Discretised(Portable):
             stage, horizon.stages, last, tolerance=horizon.tolerance, max_iterations=horizon.max_iterations
         )
         period = _after(s, horizon.period, horizon.steps)
-        self.servo = None if servo is None else ServoedAxes(s, (self.standstill.x, self.standstill.w), servo, horizon.period)
+        self.servo = (
+            None if servo is None else ServoedAxes(s, (self.standstill.x, self.standstill.w), servo, horizon.period)
+        )
         commanded, before, speeds = list[Any](), SX.sym("before", m), SX.sym("speeds")
         predicted, forces = moved(period), ca.substitute(s.forces, s.w, s.v)
         at_end = lambda e: ca.substitute(moved(e), s.x, moved(period))  # noqa: E731

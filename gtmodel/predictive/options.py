@@ -99,4 +99,5 @@ class AxisServo(Options):
         for name in ("stiffness", "damping"):
             if np.size(getattr(self, name)) not in (1, axes):
                 raise ArgumentError(f"expected 1 or {axes} numbers; found {np.size(getattr(self, name))}", name)
-        return tuple(np.broadcast_to(np.ravel(g).astype(float), (axes,)) for g in (self.stiffness, self.damping))
+        kp, kd = (np.broadcast_to(np.ravel(g).astype(float), (axes,)) for g in (self.stiffness, self.damping))
+        return kp, kd

@@ -2,8 +2,8 @@
 
 The plan gives the force of a cycle. The servo F = kp (u - q) + kd (du - dq) makes it, on average over the cycle, by the
 position that is commanded. But the robot is not quite where it was predicted to be, and the force changes within the
-cycle: the servo acts against both. On the motion that a cycle of length T plans, its force differs from the planned one
-by c(t), a polynomial from positions, speeds, accelerations and forces at both ends. From there the axes deviate by e(t),
+cycle: the servo acts against both. On the motion that a cycle of length T plans, its force differs from the planned
+one by c(t), a polynomial from positions, speeds, accelerations and forces at both ends. The axes then deviate by e(t),
 
     e'' = L (c - kp e - kd e'),    e(0) = e'(0) = 0,    L: acceleration of the axes by their forces, at this state
 
@@ -24,8 +24,8 @@ from .options import AxisServo
 from .statement import Statement
 
 NEEDS = (
-    "a servo moves axes that are measured and have a force each: measure their positions alone, and declare their forces "
-    "as the one input of a model whose states are positions and speeds"
+    "a servo moves axes that are measured and have a force each: measure their positions alone, and declare their "
+    "forces as the one input of a model whose states are positions and speeds"
 )
 ROUNDED = 1e-6  # relative size of the last term of the series
 ELSEWHERE = 1.5  # axes may have so much higher natural frequencies at other states than at the targets

@@ -30,6 +30,7 @@ MASS, LOAD, FORCE = 40.0, np.array([80.0, -50.0, 60.0]), 700.0
 REACH, SPEED = 0.5, 1.0  # soft limits of positions [m] and speeds [m/s]
 HOLD, DECELERATION = 5, 5.0
 KP, KD = 40_000.0, 1_500.0
+SERVO = AxisServo(KP, KD)
 GOAL = np.array([0.2, -0.1, 0.15])
 CAP = 60  # iterations in a cycle: a soft limit that is crossed takes about 35 from a cold start
 CYCLES = 200  # 0.8 s
@@ -45,7 +46,7 @@ class Carts(gt.Model):
             yield self.m * gt.der(self.q[k], 2) == self.tau[k] - float(LOAD[k])
 
 
-def controller(max_iterations: int = CAP, servo: AxisServo | None = AxisServo(KP, KD), **keys: Any) -> Controller:
+def controller(max_iterations: int = CAP, servo: AxisServo | None = SERVO, **keys: Any) -> Controller:
     horizon = ControlHorizon(period=0.004, stages=12, length=0.02, delay=2, max_iterations=max_iterations, **keys)
     return gt.predictive.controller(
         Carts(),

@@ -46,8 +46,9 @@ def driven(robot: Model, first: np.ndarray, by: np.ndarray, torque: np.ndarray, 
     assert isinstance(found, PredictiveLoop), found.message
     assert (found.unsolved, found.unread, found.refused, found.skipped) == (0, 0, 0, 0)
     assert found.torque_planned is not None and 0.0 < found.torque_planned <= torque.max()
-    assert found.values["force_planned_N"] is None and {row.unit for row in found.rows if "largest torque" in row.label} == {"N.m"}
-    assert b"force[0]_N.m" in found.files["loop_on.csv"]  # type: ignore[operator]
+    assert found.values["force_planned_N"] is None
+    assert {row.unit for row in found.rows if "largest torque" in row.label} == {"N.m"}
+    assert b"force[0] [N.m]" in found.files["loop_on.csv"]  # type: ignore[operator]
     assert 0.0 < found.spectral_radius < 1.0
     return found
 
