@@ -104,16 +104,17 @@ assert study.status.ok
 #
 # The real-time program of the [4 ms loop](../docs/loop.md) runs the same code as its law `predictive`, here against a
 # simulated robot over UDP. EGM takes positions and speeds; the servo of the drives makes the planned forces out of
-# them. A controller that knows this servo predicts with it, and returns the position to command. The robot is synthetic: the heavy plate, two cycles of delay, encoder noise of 10 um (seed 1). Every tenth
-# datagram is lost (seed 3): in such a cycle the loop follows its plan.
+# them. A controller that knows this servo predicts with it, and returns the position to command. The robot is
+# synthetic: the heavy plate, two cycles of delay, encoder noise of 10 um (seed 1). Every tenth datagram is lost
+# (seed 3): in such a cycle the loop follows its plan.
 
 # %%
 servo = gt.loop.Servo()
 known = gt.predictive.AxisServo(stiffness=servo.kp_N_m, damping=servo.kd_N_s_m)
 commanding = gt.predictive.controller(robot, horizon, servo=known, **options)
 print(f"spectral radius of the closed loop near the goal: {commanding.radius():.3f}")
-cgen.generate({"law": commanding}, folder / "commanding", name="l1")
-program = gt.loop.build(folder / "commanding", folder / "loop", axes=3)
+gt.cgen.study({"law": commanding}, folder.parent / "commanding", name="l1", check=None)
+program = gt.loop.build(folder.parent / "commanding", folder / "loop", axes=3)
 cycles = 250  # 1 s
 rows = np.where(np.arange(cycles)[:, None] < 63, first, second)  # the goal of each cycle
 (folder / "goals.table").write_bytes(gt.loop.ReferenceTable(rows).to_bytes())

@@ -23,7 +23,7 @@ class LinearCycle:
         self.program, self.n, self.m = program, program.statement.x.numel(), program.statement.v.numel()
         self.gain = self._gain()
 
-    def _slopes(self, f: ca.Function, result: int, speeds: bool) -> list[np.ndarray]:
+    def _derivatives(self, f: ca.Function, result: int, speeds: bool) -> list[np.ndarray]:
         """Slopes of a result of `advance` or `command` by each argument."""
         program, symbols = self.program, f.sx_in()
         s, rest = program.statement, program.standstill
@@ -31,7 +31,7 @@ class LinearCycle:
         if program.servo:
             values += [np.resize(program.servo.holding, symbols[4].numel()), float(speeds)]
         e = f.call(symbols)[result]
-        slopes = ca.Function("slopes", symbols, [ca.jacobian(e, a) for a in symbols])(*values)
+        slopes = ca.Function("derivatives", symbols, [ca.jacobian(e, a) for a in symbols])(*values)
         return [np.asarray(ca.DM(v).full()) for v in slopes]
 
     def _gain(self) -> np.ndarray:
@@ -59,7 +59,7 @@ class LinearCycle:
         ends = np.cumsum([0, *sizes])
         unit = np.eye(ends[-1])
         state, hat, d, past, sent = (unit[a:b] for a, b in pairwise(ends.tolist()))
-        advance = self._slopes(program.advance, 0, speeds)
+        advance = self._derivatives(program.advance, 0, speeds)
         if o is None:
             hat = state
         else:
@@ -78,7 +78,7 @@ class LinearCycle:
             ahead = advanced(ahead, v, k)
         queue.append(-self.gain @ ahead - shift)
         if axes:
-            command = self._slopes(program.command, 3, speeds)
+            command = self._derivatives(program.command, 3, speeds)
             way.append(
                 command[0] @ ahead + command[1] @ queue[-1] + (command[2] @ d if nd else 0.0) + command[4] @ way[-1]
             )

@@ -248,12 +248,12 @@ class Controller(StepFunction, Portable):
     def bounds(self) -> dict[str, list[list[float | None]]]:
         """Limits of variables that are also references: lower ones and upper ones of their entries; None: no limit."""
         rows = {r.name: [b if np.isfinite(b) else None for b in (r.low, r.high)] for r in self.program.statement.rows}
-        found = dict[str, list[list[float | None]]]()
+        bounds = dict[str, list[list[float | None]]]()
         for k in self.program.statement.references:
             names = [k.name] if k.size == 1 else [f"{k.name}[{j}]" for j in range(k.size)]
             if set(names) & set(rows):
-                found[k.name] = [list(side) for side in zip(*(rows.get(n, [None, None]) for n in names), strict=True)]
-        return found
+                bounds[k.name] = [list(side) for side in zip(*(rows.get(n, [None, None]) for n in names), strict=True)]
+        return bounds
 
     def kernels(self, symbol: str) -> list[ca.Function]:
         """Return the generated functions under their C names."""

@@ -72,7 +72,7 @@ class ServoedAxes(Portable):
             self._terms += 1
             size *= fastest / (self._terms - 2)
         self._lightness = ca.solve(ca.jacobian(s.forces, s.w).T, ca.jacobian(ddq, s.w).T).T
-        self._places, self._speeds, self._slopes = places, speeds, [ca.jacobian(e, s.x)[:, places] for e in (q, dq)]
+        self._places, self._speeds, self._jacobians = places, speeds, [ca.jacobian(e, s.x)[:, places] for e in (q, dq)]
         self._undoing = [self._undone(speeds) for speeds in (0.0, 1.0)]
 
     def _slope(self, kp: np.ndarray, kd: np.ndarray) -> np.ndarray:
@@ -128,7 +128,7 @@ class ServoedAxes(Portable):
         servo also receives the way between them over the period as a speed, else 0.
         """
         place, speed = self._deviation(at, at_end, forces, sent, speeds)
-        by_place, turning = (at_end(e) for e in self._slopes)
+        by_place, turning = (at_end(e) for e in self._jacobians)
         change = ca.SX.zeros(len(self._rates))
         change[self._places] = ca.solve(by_place, place)
         change[self._speeds] = ca.solve(by_place, speed - ca.mtimes(turning, change[self._places]))
