@@ -329,7 +329,7 @@ def _agreed(servo: Servo | None, planning: GeneratedPlan | None) -> Servo | None
     for name in ("kp_N_m", "kd_N_s_m"):
         if planning is not None and np.any(np.not_equal(getattr(servo, name), getattr(planning.servo, name))):
             key, known = ("stiffness", "kp_N_m") if name == "kp_N_m" else ("damping", "kd_N_s_m")
-            made = ", ".join(f"{g:g}" for g in getattr(planning.servo, known))
+            made = ", ".join(dict.fromkeys(f"{g:g}" for g in getattr(planning.servo, known)))
             raise ArgumentError(
                 f"the servo of the plant has {getattr(servo, name):g}, but the predictive controller was made for "
                 f"{made}: give both the same {key}, and generate the folder again", f"plant.{key}",
