@@ -60,8 +60,11 @@ class PredictiveLoop(LoopStudy):
     def rows(self) -> list[Row]:
         """The table for people."""
         what, unit = ("force", "N") if self.force_asked else ("torque", "N.m")
-        asked_for, planned = self.force_asked or self.torque_asked, self.force_planned or self.torque_planned
-        limit = self.torque_limit if self.force_limit is None else self.force_limit
+        asked_for, planned, limit = (
+            (self.force_asked, self.force_planned, self.force_limit)
+            if self.force_asked
+            else (self.torque_asked, self.torque_planned, self.torque_limit)
+        )
         if not self.runs or not asked_for:
             return super().rows
         rows = super().rows
