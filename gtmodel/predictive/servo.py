@@ -73,7 +73,7 @@ class ServoedAxes(Portable):
             size *= fastest / (self._terms - 2)
         self._lightness = ca.solve(ca.jacobian(s.forces, s.w).T, ca.jacobian(ddq, s.w).T).T
         self._places, self._speeds, self._jacobians = places, speeds, [ca.jacobian(e, s.x)[:, places] for e in (q, dq)]
-        self._undoing = [self._undone(speeds) for speeds in (0.0, 1.0)]
+        self._undoing = self._undone()
 
     def _slope(self, kp: np.ndarray, kd: np.ndarray) -> np.ndarray:
         """Slope of the rates by the state under a servo that holds a position."""
@@ -89,13 +89,12 @@ class ServoedAxes(Portable):
         F, G = held(A, np.vstack([np.zeros((n, m)), np.eye(m)]), self.period)
         return F[:n, :n], F[:n, n:], G[:n]
 
-    def _undone(self, speeds: float) -> np.ndarray:
-        """Change of a command, (m,), that undoes a deviation of positions and speeds after the cycle, (2m,)."""
-        n, (_, force, rate) = len(self._rates), self.motion(self.kp, self.kd)
-        by_command = force * (self.kp + speeds * self.kd / self.period) + rate * (speeds * self.kp / self.period)
+    def _undone(self) -> np.ndarray:
+        """Change of a held command, (m,), that undoes a deviation of positions and speeds after the cycle, (2m,)."""
+        n, (_, force, _) = len(self._rates), self.motion(self.kp, self.kd)
         scale = np.repeat([1.0 / self.period, 1.0], self.axes)[:, None]
-        slopes = scale * np.vstack([self._position[:, :n], self._speed[:, :n]]) @ by_command
-        return np.linalg.pinv(slopes) * scale.T
+        by_command = scale * np.vstack([self._position[:, :n], self._speed[:, :n]]) @ (force * self.kp)
+        return np.linalg.pinv(by_command) * scale.T
 
     def _deviation(self, at: Any, at_end: Any, forces: tuple[Any, Any], sent: Any, speeds: Any) -> tuple[Any, Any]:
         """Deviation of positions and of speeds after a cycle, by the series."""
@@ -137,15 +136,14 @@ class ServoedAxes(Portable):
     def command(self, at: Any, at_end: Any, forces: tuple[Any, Any], before: Any, speeds: Any) -> Any:
         """Return the position by which the servo makes a force, on average over the cycle.
 
-        On a motion of constant acceleration the mean of the servo's force is that of the plan. The axes still deviate
-        from it within the cycle; a second step brings speeds, and positions over the period, as near to the plan as one
-        number for each axis can, with the inertia at the targets. Arguments as for `response`; before: the position
-        commanded before.
+        On a motion of constant acceleration the mean of the servo's force is that of the plan. A stiff servo that holds
+        a position brakes the axes within the cycle: without speeds, a second step brings speeds, and positions over the
+        period, as near to the plan as one number for each axis can, with the inertia at the targets. Arguments as for
+        `response`; before: the position commanded before.
         """
         kp, kd, T, (q, dq, ddq) = ca.DM(self.kp), ca.DM(self.kd), self.period, [at(e) for e in self.parts]
         ahead = speeds * (kp / 2.0 + kd / T)  # the position moves on within the cycle
         wanted = forces[0] + kp * (q + dq * (T / 2.0) + ddq * (T * T / 6.0)) + kd * (dq + ddq * (T / 2.0))
         first = (wanted + ahead * before) / (kp + ahead)
         left = self._deviation(at, at_end, forces, ca.vertcat(before, first), speeds)
-        without, with_ = (ca.SX(g) for g in self._undoing)
-        return first - ca.mtimes((1.0 - speeds) * without + speeds * with_, ca.vertcat(*left))
+        return first - (1.0 - speeds) * ca.mtimes(ca.SX(self._undoing), ca.vertcat(*left))
