@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 # no windows; set before anything imports matplotlib
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -177,7 +177,8 @@ def schema(
     from gtmodel.problem_files import editor_schema as described, names
 
     with answering(context, as_json, kind or "schema") as answer:
-        document = answer.data = {"kinds": names()} if kind is None else described.document(kind)
+        document: dict[str, Any] = {"kinds": names()} if kind is None else described.document(kind)
+        answer.data = document
     if as_json:
         return
     if kind is None:

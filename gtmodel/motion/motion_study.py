@@ -167,7 +167,9 @@ def _study_of(
     force = problem.limits.force
     return MotionStudy(
         status=SolveStatus.SOLVED,
-        message="; ".join(filter(None, [f"{how(solution)} and re-simulated{finer}", *sentences, solution.reservation])),
+        message="; ".join(
+            x for x in (f"{how(solution)} and re-simulated{finer}", *sentences, solution.reservation) if x
+        ),
         objective=solution.objective,
         iterations=iterations,
         checks=checks,

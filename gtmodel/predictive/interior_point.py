@@ -44,7 +44,7 @@ class _Called:
         )
         for flat, use in zip(self._flat, (buffer.set_arg, buffer.set_res), strict=True):
             for k, a in enumerate(flat):
-                use(k, a.data)
+                use(k, a.data)  # pyrefly: ignore[missing-argument]
 
     def __call__(self, *arguments: Any) -> Columns:
         for own, given in zip(self.arguments, arguments, strict=True):

@@ -187,7 +187,7 @@ def reported(study: Study, files: dict[str, bytes]) -> list[str]:
     from .page.page import REPORT, page  # here: a result without a report needs no page
 
     try:
-        files[REPORT] = page(study, study.about and study.about(), sha256(files[RESULT])).encode()
+        files[REPORT] = page(study, None if study.about is None else study.about(), sha256(files[RESULT])).encode()
     except Exception as error:
         fault = " ".join(str(error).split())
         return [f"{REPORT} could not be written ({type(error).__name__}: {fault}); please report it"]

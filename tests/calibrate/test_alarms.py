@@ -97,4 +97,4 @@ def test_a_parameter_that_moved_far_is_accepted(tmp_path: Path) -> None:
 
 def test_unknown_alarms_are_refused() -> None:
     with pytest.raises(ArgumentError, match="accept"):
-        Fit(accept=["everything"])  # pyright: ignore[reportArgumentType]
+        Fit(accept=["everything"])

@@ -64,7 +64,7 @@ def elastic_study(
     work.step("rigid plan")
 
     def solved(mesh: ElasticMesh, before: OnMesh | None) -> OnMesh:
-        plans = plans_on(mesh, task, before and before.kept, work)
+        plans = plans_on(mesh, task, None if before is None else before.kept, work)
         return OnMesh(mesh, _study_of(plans, work.title), plans)
 
     return study_on_meshes(solved, mesh or ElasticMesh(), MENDED, work.interrupted)

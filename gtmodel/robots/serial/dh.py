@@ -106,7 +106,7 @@ def checked_joints(
     kinds = [joints] * n if isinstance(joints, str) and letters else list(joints)
     if not set(kinds) <= set(KINDS) or len(kinds) != n:
         raise wrong(f"joints takes one of r, p for each of the {n} joints, such as 'rrp'; found {joints!r}", "joints")
-    numbers = {key: _each(key, value, n) for key, value in numbers.items()}
+    each = {key: _each(key, value, n) for key, value in numbers.items()}
     if convention not in ("standard", "modified"):
         raise wrong(f"a convention is standard or modified; found {convention!r}", "convention")
     if smoothing not in FRICTION:
@@ -129,7 +129,7 @@ def checked_joints(
     arm_joints = tuple(
         ArmJoint(labels[k], KINDS[kinds[k]], f"link_{k + 1}", float(ends[k, 0]), float(ends[k, 1])) for k in range(n)
     )
-    return numbers, started(ArmStructure(title, arm_joints, convention, smoothing=smoothing), start)
+    return each, started(ArmStructure(title, arm_joints, convention, smoothing=smoothing), start)
 
 
 def _numbers(name: str, value: ArrayLike) -> Array:
