@@ -234,7 +234,9 @@ def test_result_folders_are_shown(capsys: pytest.CaptureFixture[str], tmp_path: 
     monkeypatch.chdir(tmp_path)
     gtmodel = Commands(capsys)
     compliance().write("modes")
-    assert {p.name for p in Path("modes").glob("*.scene.json")} == {f"{name}.scene.json" for name in compliance().scenes}
+    assert {p.name for p in Path("modes").glob("*.scene.json")} == {
+        f"{name}.scene.json" for name in compliance().scenes
+    }
     done = gtmodel("view", "modes", "-o", "first.html")
     assert done.code == 0 and "gtmodel view modes/mode_2.scene.json" in done.err
     assert gtmodel("view", "modes/mode_2.scene.json", "-o", "second.html").code == 0
