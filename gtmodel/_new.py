@@ -43,6 +43,15 @@ def example_of(kind: str) -> str:
     return next(n for n in shipped_names() if parse((folder / f"{n}.toml").read_bytes()).get("kind") == kind)
 
 
+def of_kind(what: str, kind: str | None) -> str:
+    """Return the kind in place of the word problem. Raises InputError if it belongs to another word."""
+    if kind is not None and what not in ("problem", kind):
+        raise InputError(
+            f"--kind {kind} belongs to the word problem, not to '{what}': gtmodel new problem --kind {kind}"
+        )
+    return kind or what
+
+
 def write(what: str, name: str, log: Path | None = None, place: Path | None = None) -> tuple[list[Path], str]:
     """Write the files into `place`, the working directory if it is None; return their paths and the next command.
 
