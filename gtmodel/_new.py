@@ -46,9 +46,7 @@ def example_of(kind: str) -> str:
 def of_kind(what: str, kind: str | None) -> str:
     """Return the kind in place of the word problem. Raises InputError if it belongs to another word."""
     if kind is not None and what not in ("problem", kind):
-        raise InputError(
-            f"--kind {kind} belongs to the word problem, not to '{what}': gtmodel new problem --kind {kind}"
-        )
+        raise InputError(f"--kind belongs to the word problem, not to '{what}': gtmodel new problem --kind {kind}")
     return kind or what
 
 

@@ -99,7 +99,6 @@ def test_what_is_wrong_is_refused(words: tuple[str, ...], said: str, gtmodel: Co
     (tmp_path / "empty.csv").write_text("")
     done = gtmodel("new", *words)
     assert done.code == 2 and said in done.sentence and (tmp_path / "there.toml").read_text() == "mine"
-    if "--kind" in words:
-        return
+    kind = words[3] if "--kind" in words else None
     with pytest.raises(InputError):
-        _new.write(words[0], words[1], Path("a") if "--from" in words else None, tmp_path)
+        _new.write(_new.of_kind(words[0], kind), words[1], Path("a") if "--from" in words else None, tmp_path)

@@ -176,6 +176,7 @@ def test_the_best_cameras_stand_where_the_table_says() -> None:
     V = gt.vision.robot_cameras
     scene, places = V.SyntheticRobotCameras(counts=[3, 3, 3]), V.CameraPlaces(baselines=[0.5, 1.5], distances=[3.2])
     study = V.places_study(gt.robots.gantry_tau("l1_tape"), scene, places)
+    assert study.places is not None
     drawn = study.view()
     bodies = {body.name: body.vertices[0] for body in drawn.bodies}
     assert np.isclose(np.linalg.norm(bodies["left"] - bodies["right"]), study.places[0]["baseline_m"], atol=SAME)
