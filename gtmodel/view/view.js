@@ -55,9 +55,11 @@ const make = (tag, parent, more = {}) => parent.appendChild(Object.assign(docume
 if (scene.note) document.querySelector("h1").after(make("p", document.body, { className: "note", textContent: scene.note }));
 const main = document.querySelector("main"), space = make("div", main, { className: "space" });
 const canvas = make("canvas", space, { tabIndex: 0 });
+const within = window.parent && window.parent !== window; // another page, which scrolls over the scene until it is clicked
+if (within) canvas.style.touchAction = "pan-y";
 canvas.setAttribute("role", "img");
 canvas.setAttribute("aria-label", `${scene.title}: ${scene.parts.length + bodies.length} parts in space. Arrow keys turn the view, plus and minus zoom, space plays.`);
-make("div", space, { className: "help", textContent: "drag: turn · shift + drag: move · wheel: zoom · keys: arrows, + −, 0: all, 1 2 3: front, side, top" });
+make("div", space, { className: "help", textContent: `drag: turn · shift + drag: move · ${within ? "click, " : ""}wheel: zoom · keys: arrows, + −, 0: all, 1 2 3: front, side, top` });
 const legend = bodies.filter((b) => b.marker && b.name);
 if (legend.length) {
   const list = make("ul", space, { className: "legend" });
@@ -294,7 +296,10 @@ canvas.addEventListener("pointermove", (e) => {
   held.set(e.pointerId, [e.clientX, e.clientY]);
 });
 canvas.addEventListener("contextmenu", (e) => e.preventDefault());
-canvas.addEventListener("wheel", (e) => { e.preventDefault(); zoom(Math.exp(0.001 * e.deltaY)); }, { passive: false });
+canvas.addEventListener("wheel", (e) => {
+  if (within && !e.ctrlKey && document.activeElement !== canvas) return;
+  e.preventDefault(); zoom(Math.exp(0.001 * e.deltaY));
+}, { passive: false });
 canvas.addEventListener("pointerleave", () => { tip.hidden = true; });
 const hover = (e) => {
   let best = 12, found = null;
