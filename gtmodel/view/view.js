@@ -106,7 +106,7 @@ const drawFloor = (g) => {
   const [xf, dx] = view.out[0] > 0 ? [x0, -0.35] : [x1, 0.35], [yf, dy] = view.out[1] > 0 ? [y0, -0.35] : [y1, 0.35];
   const text = (v, axis, middle) => `${middle ? `${axis} = ` : ""}${Number((v * step).toPrecision(4))}${middle ? " m" : ""}`;
   g.font = "12px sans-serif"; g.fillStyle = "#777"; g.textAlign = "center";
-  const put = (words, [x, y]) => { const half = 3.4 * words.length, whole = Math.min(Math.max(x, half), view.w - half); g.fillText(words, Math.abs(whole - x) < half ? whole : x, y); }; // not cut off at an edge
+  const put = (words, [x, y]) => { const half = 3.4 * words.length, whole = Math.min(Math.max(x, half), view.w - half); g.fillText(words, Math.abs(whole - x) < 2 * half ? whole : x, y); }; // not cut off at an edge
   for (let x = x0; x <= x1; x++) if (x !== xf) put(text(x, "x", x === Math.round((x0 + x1) / 2)), at(x, yf + dy));
   for (let y = y0; y <= y1; y++) if (y !== yf) put(text(y, "y", y === Math.round((y0 + y1) / 2)), at(xf + dx, y));
   g.textAlign = "left";
