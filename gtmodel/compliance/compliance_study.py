@@ -152,7 +152,9 @@ def _study_of(
     by_C = float(load @ pose.C[0] @ load) / 2
     values_at_pose = _pose_values(sprung, pose)
     over = {
-        f"section_{_short(name)}": partial(_map_in_space, robot, grid, T, name, columns, title or "compliance")
+        f"section_{_short(name)}": partial(
+            _map_in_space, robot, sprung.home, grid, T, name, columns, title or "compliance"
+        )
         for name in (mapped if valid.any() else ())
     }
     places = {"u_m": uv[:, 0], "v_m": uv[:, 1], "x_m": T[:, 0], "y_m": T[:, 1], "z_m": T[:, 2]}
@@ -218,7 +220,9 @@ def _map_figure(sprung: Sprung, grid: Any, name: str, values: Array, title: str,
     )  # fmt: skip
 
 
-def _map_in_space(robot: Model, grid: Any, T: Array, name: str, columns: dict[str, Array], title: str) -> Any:
+def _map_in_space(
+    robot: Model, pose: Array, grid: Any, T: Array, name: str, columns: dict[str, Array], title: str
+) -> view.RobotScene:
     """The robot at home, with the points of the section by a mapped quantity, and the softest directions."""
     words, scale, unit = MAPPED[name]
     u, v = grid.coordinates
@@ -229,6 +233,7 @@ def _map_in_space(robot: Model, grid: Any, T: Array, name: str, columns: dict[st
         half = ARROW * float(np.ptp(u)) / np.sqrt(len(rows)) * columns["direction"][rows]
         bodies.append(view.lines(T[rows] - half, T[rows] + half, name="softest direction", colour="#000000"))
         note = f"{note} Lines: the softest direction at each point.".strip()
+    bodies.append(view.dots(pose[None], marker="cross", name="reported pose", colour="#d55e00"))
     return view.around(robot, bodies, title=f"{title}: {words}", note=note)
 
 
