@@ -151,12 +151,8 @@ def _study_of(
     reasons = dict(sorted(Counter(r for r in columns["reason"] if r).items()))
     by_C = float(load @ pose.C[0] @ load) / 2
     values_at_pose = _pose_values(sprung, pose)
-    over = {
-        f"section_{_short(name)}": partial(
-            _map_in_space, robot, sprung.home, grid, T, name, columns, title or "compliance"
-        )
-        for name in (mapped if valid.any() else ())
-    }
+    drawn = partial(_map_in_space, robot, sprung.home, grid, T, columns, title or "compliance")
+    over = {f"section_{_short(name)}": partial(drawn, name) for name in (mapped if valid.any() else ())}
     places = {"u_m": uv[:, 0], "v_m": uv[:, 1], "x_m": T[:, 0], "y_m": T[:, 1], "z_m": T[:, 2]}
     return ComplianceStudy(
         status=SolveStatus.SOLVED if valid.any() else SolveStatus.INFEASIBLE,
@@ -221,7 +217,7 @@ def _map_figure(sprung: Sprung, grid: Any, name: str, values: Array, title: str,
 
 
 def _map_in_space(
-    robot: Model, pose: Array, grid: Any, T: Array, name: str, columns: dict[str, Array], title: str
+    robot: Model, pose: Array, grid: Any, T: Array, columns: dict[str, Array], title: str, name: str
 ) -> view.RobotScene:
     """The robot at home, with the points of the section by a mapped quantity, and the softest directions."""
     words, scale, unit = MAPPED[name]
