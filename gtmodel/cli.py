@@ -271,7 +271,15 @@ def new(
             help="Kind, see gtmodel schema; shipped problem, see gtmodel list; or the word model or robot.",
         ),
     ],
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the new file, without ending.")],
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="NAME", help="Name of the new file, without ending; the first word if left out."),
+    ] = None,
+    kind: Annotated[
+        str | None,
+        typer.Option("--kind", metavar="KIND", autocompletion=_beginnings,
+                     help="Kind of a new problem: new problem NAME --kind KIND is new KIND NAME."),
+    ] = None,
     log: Annotated[
         Path | None, typer.Option("--from", metavar="LOG", help="Recording of a calibration: its columns and units.")
     ] = None,
@@ -283,7 +291,8 @@ def new(
     with answering(context, False, what):
         from gtmodel import _new
 
-        paths, command = _new.write(what, name, log)
+        beginning = _new.of_kind(what, kind)
+        paths, command = _new.write(beginning, name or beginning, log)
     for path in paths:
         print(f"wrote {path}")
     print(f"\ntry: {command}")
