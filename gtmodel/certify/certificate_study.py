@@ -260,7 +260,9 @@ def _word(refuted: bool, good: Array, share: Array) -> str:
 
 
 def _at(names: Sequence[str], point: Array) -> str:
-    return "(" + ", ".join(f"{n} = {x:.6g}" for n, x in zip(names, point, strict=True)) + ")"
+    # all digits of a number that has more than six: the point before it may be a good one
+    texts = [short if float(short := f"{x:.6g}") == x else repr(float(x)) for x in point]
+    return "(" + ", ".join(f"{n} = {x}" for n, x in zip(names, texts, strict=True)) + ")"
 
 
 def _opposite(prover: ClosedFormProver, leaves: Leaves) -> tuple[Array, Array] | None:

@@ -21,7 +21,7 @@ from ..results.check import Check
 from .certificate import PROVED, InputSpeed
 from .claims import entries
 from .closed_form import ClosedFormProver
-from .newton_form import NewtonProver
+from .newton_form import ANSWER, NewtonProver
 from .subdivision import Leaves, least_singular, subdivide
 
 FILE, CHECKER, PARTS = "certificate.json", "check_certificate.py", ("check_derivatives.py", "check_newton.py")
@@ -83,12 +83,14 @@ class Statements:
         for symbol, entry in self._by_symbol(self.functions).items():
             bounds = ", ".join(f"{n} {e:.3g}" for n, e in zip(entry["outputs"], entry["errors"], strict=True))
             one = "has one solution in this assembly mode"
-            solved = f"{one}; where it returns one" if entry["newton"] else "returns GT_OK"
+            near = f"{one}; where it returns GT_OK within {ANSWER:g} of it, in nominal sizes of the unknowns"
+            solved = near if entry["newton"] else "returns GT_OK"
             if "speed" in entry:
                 speeds = ", ".join(f"{n} by {v:g}" for n, v in entry["speed"].items())
                 solved = f"{one}, and returns GT_OK from its last answer with a call every {entry['period']:g} s, "
                 solved += f"while inputs change in a second by at most {speeds}"
-            line = f"- `{symbol}` {solved}; the outputs differ from the exact ones by at most {bounds} (SI units)"
+            comma = "," if solved is near else ";"
+            line = f"- `{symbol}` {solved}{comma} the outputs differ from the exact ones by at most {bounds} (SI units)"
             if "least_singular_value" in entry:
                 least = entry["least_singular_value"]
                 line += f"; no pose is singular, the smallest singular value of the Jacobian is at least {least:.3g}"

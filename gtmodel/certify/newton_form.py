@@ -207,7 +207,8 @@ class NewtonProver:
         if self.regular:
             by_input = add(by_a, _times(by_z, tube.around(np.zeros_like(singular)).derivative()))
             matrices = Interval(*(x[: self.targets].transpose(2, 0, 1) for x in by_input))
-            singular = np.where(natural.continuous, least_singular_value(matrices), np.nan)
+            smooth = natural.decided & self._centred.slope.over(lo, hi).decided
+            singular = np.where(smooth, least_singular_value(matrices), np.nan)
         return np.nextafter(least - error, -np.inf), np.nextafter(most + error, np.inf), natural.error, singular
 
     def bounds(self, leaves: Leaves, good: Array, wide: Array) -> tuple[Array, Array, Array, Array]:

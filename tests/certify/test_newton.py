@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -125,7 +126,7 @@ def test_a_wrong_sign_in_a_jacobian_is_found(monkeypatch):
         low, high = e.lo.copy(), e.hi.copy()
         row = d.m + int(np.argmax(np.abs(low[d.m :, 0])))
         low[row], high[row] = -e.hi[row], -e.lo[row]
-        return e.__class__(low, high, e.error, e.continuous, e.undefined)
+        return replace(e, lo=low, hi=high)
 
     monkeypatch.setattr(d.first, "over", wrong)
     assert _slopes_outside(d, z, MIDDLE) > 0
