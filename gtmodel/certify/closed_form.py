@@ -52,6 +52,11 @@ class ClosedFormProver:
         self._bent = np.logical_or.reduce([*jumps, self._jacobian.varying]) if self._jacobian else np.zeros(0, bool)
         self._curved = None if self._jacobian is None else MeanValue(self._jacobian, range(self._jacobian.outputs))
 
+    @property
+    def operations(self) -> set[int]:
+        """The operations of the code, by CasADi's numbers."""
+        return {s.op for s in self.tape.steps}
+
     def decide(self, lo: Array, hi: Array, whole: Array) -> Decision:
         """Judge boxes; what natural interval evaluation leaves open is tried with the mean-value form."""
         n = lo.shape[1]

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from .._files import codegen_dir
@@ -24,11 +25,21 @@ from .closed_form import ClosedFormProver
 from .newton_form import ANSWER, NewtonProver
 from .subdivision import Leaves, least_singular, subdivide
 
-FILE, CHECKER, PARTS = "certificate.json", "check_certificate.py", ("check_derivatives.py", "check_newton.py")
+FILE, CHECKER, PARTS = (
+    "certificate.json",
+    "check_certificate.py",
+    ("check_text.py", "check_derivatives.py", "check_newton.py"),
+)
 FORMAT = "gtmodel-certificate-2"
 MAX_BOXES, SHARPENING = 20_000, 200
 # the stated bounds are above the proved ones, and the ranges wider, since the checker encloses less tightly
 ABOVE, WIDER = 1.5, 0.25
+# operations that the checker reads
+_READ = frozenset([
+    ca.OP_CONST, ca.OP_INPUT, ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_SQ, ca.OP_TWICE, ca.OP_INV, ca.OP_NEG,
+    ca.OP_SQRT, ca.OP_SIN, ca.OP_COS, ca.OP_TANH, ca.OP_ATAN, ca.OP_ATAN2, ca.OP_ASIN, ca.OP_ACOS, ca.OP_FABS,
+    ca.OP_FMIN, ca.OP_FMAX, ca.OP_FLOOR,
+])  # fmt: skip
 _README = """
 ## Proved
 
@@ -122,6 +133,9 @@ def statements(
         lo, hi = np.array(intervals).T
         try:
             prover = _prover(f, real, moving, key in regular)
+            if unread := sorted(prover.operations - _READ):
+                names = {getattr(ca, n): n for n in dir(ca) if n.startswith("OP_")}
+                raise ArgumentError(f"{CHECKER} cannot read its operation {names[unread[0]]}", "function")
         except ArgumentError as error:
             left_out[key] = error.message
             continue

@@ -70,6 +70,11 @@ class NewtonProver:
         last = [*([] if away is None else [REACHED]), *([NONSINGULAR] if regular else [])]
         self.claims = [SMALL, ONE, *before, *self._after, FINITE, *last]
 
+    @property
+    def operations(self) -> set[int]:
+        """The operations of the code, by CasADi's numbers."""
+        return {s.op for tape in (self._prepare, self._step, self._body) for s in tape.steps}
+
     def decide(self, lo: Array, hi: Array, whole: Array) -> Decision:
         """Judge boxes."""
         n = lo.shape[1]
