@@ -221,9 +221,10 @@ def main(folder: Path) -> None:
     if hashlib.sha256(body.encode()).hexdigest() != certificate["body_sha256"] or not manifest["certificate"]["proved"]:
         raise Refused(f"the certificate is not one of this {certificate['body']}")
     headers(folder, manifest["name"])
-    bodies, entries = operations(body, manifest["real"]), {e["symbol"]: e for e in manifest["functions"]}
+    proved, entries = manifest["certificate"]["proved"], {e["symbol"]: e for e in manifest["functions"]}
+    bodies = operations(body, manifest["real"], proved)
     wrapper, tolerance = (folder / f"gt_{manifest['name']}.c").read_text(), manifest["pivot_tolerance"]
-    for symbol, stated in manifest["certificate"]["proved"].items():
+    for symbol, stated in proved.items():
         known = symbol, entries[symbol], stated | certificate["functions"][symbol]
         guarded(entries[symbol], wrapper, tolerance)
         if "state" in entries[symbol]:

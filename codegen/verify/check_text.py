@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 # headers written by hand that the proofs rely on
@@ -71,8 +72,9 @@ def _directives(file: str, text: str, known: re.Pattern[str]) -> None:
             raise Refused(f"{file} has the line '{line.strip()}', which may change the meaning of the code")
 
 
-def operations(text: str, real: str) -> dict[str, list[tuple]]:
-    """Return the operations of every body by its C symbol: (operator, target, operands)."""
+def operations(text: str, real: str, functions: Iterable[str]) -> dict[str, list[tuple]]:
+    """Return the operations of the bodies of functions by their C symbols: (operator, target, operands)."""
+    wanted = {f"{function}_{part}" for function in functions for part in ("prepare0", "kernel0", "body")}
     if f"#define casadi_real {real}\n" not in text or "\\" in text or "??" in text:
         raise Refused(f"the body is not the text of code in {real}")
     _directives("the body", text.replace(f"#define casadi_real {real}\n", ""), _DIRECTIVE)
@@ -83,7 +85,7 @@ def operations(text: str, real: str) -> dict[str, list[tuple]]:
             raise Refused(f"casadi_{name} is not the function of this name")
     if other := _OTHER.search(rest):
         raise Refused(f"'{other[0]}' takes the place of a function of libm")
-    return {symbol: _read(symbol, bodies[name]) for symbol, name in _EXPORTED.findall(rest) if name in bodies}
+    return {symbol: _read(symbol, bodies[name]) for symbol, name in _EXPORTED.findall(rest) if symbol in wanted}
 
 
 def _read(symbol: str, body: str) -> list[tuple]:

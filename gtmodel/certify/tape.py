@@ -143,7 +143,7 @@ class IntervalTape:
             None if arithmetic is None else np.concatenate([r.error for r in results if r.error is not None], axis=1)
         )
         flags = [np.concatenate([getattr(r, name) for r in results]) for name in ("continuous", "undefined", "decided")]
-        return Enclosures(*joined, errors, *flags)
+        return Enclosures(joined[0], joined[1], errors, flags[0], flags[1], flags[2])
 
     def _over(
         self,
