@@ -123,7 +123,7 @@ def of(path: str, change: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 IK, FK, D1 = (f"certificate/proved/gt_{name}" for name in ("l1_ik", "l1_fk", "d1_ik"))
 IN_FK = "functions/gt_l1_fk"
-TAMPERED: dict[str, Callable[[Path], None]] = {
+TAMPERED: dict[str, Callable[[Path], object]] = {
     "a link is shorter": changed(BODY, lambda t: _in_body(t, "ik", r"=4\.2024999999999997e\+00;", "=1e-01;")),
     "a square is missing": changed(BODY, lambda t: _in_body(t, "ik", r"=casadi_sq\((\w+)\);", r"=\1;")),
     "a root is a sine": changed(BODY, lambda t: _in_body(t, "ik", r"=sqrt\(", "=sinh(")),
@@ -160,6 +160,10 @@ TAMPERED: dict[str, Callable[[Path], None]] = {
     "boxes overlap": changed(FILE, of(f"{IN_FK}/boxes", lambda b: [*b, b[0]])),
     "a box is not a number": changed(FILE, of(f"{IN_FK}/boxes/0/0/0", lambda x: float("nan"))),
     "a bound is not a number": changed(MANIFEST, of(f"{IK}/errors/0", lambda e: float("nan"))),
+    "the certificate claims less than the manifest": lambda folder: [
+        changed(MANIFEST, of(f"{IK}/errors", lambda e: [0.0] * 3))(folder),
+        changed(FILE, of("functions/gt_l1_ik", lambda f: f | {"errors": [1.0] * 3}))(folder),
+    ],
     "an output has no bound": changed(MANIFEST, of(f"{IK}/errors", lambda e: e[1:])),
     "nothing is stated": changed(MANIFEST, of("certificate/proved", lambda f: {})),
 }  # fmt: skip
