@@ -18,10 +18,8 @@ from check_derivatives import Derivatives, Jet, between, inverse, least_singular
 from check_text import Refused, function, tests
 from flint import arb, arb_mat
 
-# largest distance of an answer from the solution, largest round-off of a step, and largest part of the distance that a
-# step leaves: with these every step passes the tests of gt_newton.h, which has the constants below
-ANSWER, QUIET, SHRINKING = arb("1e-9"), arb("5e-12"), arb("0.14")
-STEPS, REACH = 4, arb("0.5")
+ANSWER = arb("1e-9")  # largest distance of an answer from the solution
+STEPS, REACH, CONTRACTION, ROUND_OFF, SLACK = 4, arb("0.5"), arb("0.25"), arb("1e-10"), arb("1e-6")  # of gt_newton.h
 MOST = 50_000  # boxes for one function
 UNIT = ARITHMETIC["double"][0]
 
@@ -215,7 +213,7 @@ class Newton:
         e, shrinking = start, half * start + drift + 2 * spoilt
         for _ in range(STEPS):
             e = most([(half * e + drift + 2 * spoilt) * e + quiet])
-        good = shrinking <= SHRINKING and start * (1 + SHRINKING) + quiet <= REACH and quiet <= QUIET and e <= ANSWER
+        good = shrinks(shrinking, quiet) and start * (1 + shrinking) + quiet <= REACH * (1 - SLACK) and e <= ANSWER
         good = good and plain > 0 and plain / most(size) > self.least * (1 + arb(2) ** -20) + perturbed
         if not (good and self.rows * e + noise <= self.limit):
             raise Undecided
@@ -239,6 +237,19 @@ class Newton:
                    for k in range(self.k)] for y in g]  # fmt: skip
             if not least_singular_value(by) >= arb(self.stated["least_singular_value"]):
                 raise Undecided
+
+
+def shrinks(left: arb, quiet: arb) -> bool:
+    """Return whether steps that leave at most `left` of the distance e, and `quiet` of round-off, pass the code's test.
+
+    A step has at least (1 - left) e - 2 quiet, the next one at most (1 + left) (left e + quiet) + 2 quiet; it is tested
+    only above the limit of the round-off, which bounds e from below.
+    """
+    following = (ROUND_OFF - 2 * quiet) / (1 + left) - quiet
+    if not following > 0:
+        return False
+    t = quiet * left / following
+    return (1 + left) * (left + t) + 2 * t <= CONTRACTION * (1 - left - 2 * t) * (1 - SLACK)
 
 
 def checked(symbol: str, entry: dict, stated: dict, bodies: dict, wrapper: str, tolerance: float) -> int:

@@ -14,6 +14,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
 
 import gtmodel as gt
@@ -21,6 +22,7 @@ from gtmodel import cgen
 from gtmodel._files import codegen_dir
 from gtmodel.certify import InputSpeed
 from gtmodel.certify.code import CHECKER, FILE, PARTS, statements
+from gtmodel.certify.newton_form import _shrinking
 from gtmodel.cgen.manifest import read
 from gtmodel.results import Work
 from problems.models import mechanisms
@@ -284,6 +286,13 @@ def test_what_is_not_proved_is_a_failed_check_or_left_out_with_the_reason():
     fast = InputSpeed(speed={"T": 99.0})
     made = statements({"six": six}, {"T": [[c, c] for c in MIDDLE]}, "d1", "double", Work(), fast)
     assert not made.checks["certified_six"].passed and not made.functions
+
+
+def test_checker_and_proof_agree_on_steps_that_shrink(checker):
+    n = importlib.import_module("check_newton")
+    for left in (0.0, 0.1, 0.15, 0.17, 0.175, 0.176, 0.3):
+        for quiet in (1e-16, 1e-12, 5e-12, 2e-11, 1e-10):
+            assert n.shrinks(n.arb(left), n.arb(quiet)) == bool(_shrinking(np.array(left), np.array(quiet)))
 
 
 def test_angles_that_are_brought_into_a_turn_are_checked(checker, tmp_path, capsys):
