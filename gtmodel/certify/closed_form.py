@@ -105,7 +105,7 @@ class ClosedFormProver:
 
     def _regular(self, lo: Array, hi: Array) -> Array:
         """Return lower bounds (n,) of the smallest singular value; NaN where a singular pose cannot be excluded, or
-        where there may be no Jacobian: at a jump or a kink, also one on a face, so the boxes are made wider."""
+        where there may be no Jacobian: at a jump or a corner, also one on a face, so the boxes are made wider."""
         assert self._jacobian is not None and self._curved is not None
         lo, hi = np.nextafter(lo, -np.inf), np.nextafter(hi, np.inf)
         e = self._jacobian.over(lo, hi)
