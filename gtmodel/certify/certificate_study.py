@@ -85,7 +85,9 @@ def study(
     prover: ClosedFormProver | NewtonProver
     if function.kernels:
         if real != "double":
-            raise ArgumentError(f"{function.name} has a Newton block, whose proofs are in double; leave it out", "real")
+            raise ArgumentError(
+                f"{function.name} uses Newton's method, which is certified in double only; leave out real", "real"
+            )
         prover = NewtonProver(function, claims, None if moving is None else _away(function, moving), regular)
     else:
         if moving is not None:

@@ -156,7 +156,7 @@ def _prover(f: CausalFunction, real: str, moving: InputSpeed | None, regular: bo
     if not f.kernels:  # decided by natural evaluation, as the checker does it
         return ClosedFormProver(f, [], regular, real=real_of(real), centred=False)
     if real != "double":
-        raise ArgumentError(f"{f.name} has a Newton block, whose proofs are in double", "real")
+        raise ArgumentError(f"{f.name} uses Newton's method in float; it is certified in double only", "real")
     names = [s.name for s in f.inputs]
     away = None
     if moving is not None and all(n in moving.speed for n in names):
