@@ -45,8 +45,7 @@ class NewtonProver:
     ) -> None:
         if len(function.kernels) != 1:
             raise ArgumentError(
-                f"{function.name} has {len(function.kernels)} Newton blocks; only functions with one are certified: ask for "
-                "fewer targets",
+                f"{function.name} has {len(function.kernels)} Newton blocks; certificates take one: ask for fewer targets",
                 "function",
             )
         cut = stages(function, f"certified_{function.name}", REAL)
