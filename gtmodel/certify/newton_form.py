@@ -45,7 +45,7 @@ class NewtonProver:
     ) -> None:
         if len(function.kernels) != 1:
             raise ArgumentError(
-                f"{function.name} has {len(function.kernels)} Newton blocks; certificates take one: ask for fewer targets",
+                f"{function.name} has {len(function.kernels)} Newton blocks; certificates take one, so ask for less",
                 "function",
             )
         cut = stages(function, f"certified_{function.name}", REAL)
