@@ -57,7 +57,7 @@ def _unary(op: str, a: Jet, order: int) -> Jet:
             raise Undecided
         return a if x > 0 else _scaled(a, -x, -1, None, order)
     if op == "floor":
-        if not x.floor().is_exact():
+        if not (x.floor().is_exact() and x > x.floor()):
             raise Undecided
         return Jet(x.floor(), {}, {})
     root, t = (x.sqrt(), x) if op == "sqrt" else (x, x.tanh() if op == "tanh" else x)

@@ -159,6 +159,9 @@ TAMPERED: dict[str, Callable[[Path], object]] = {
     "a limit in the code is smaller": changed(ROUND, lambda t: t.replace("total <= 4194304.0", "total <= 1.5")),
     "a result is changed": changed(ROUND, lambda t: t.replace("    *out = y;", "    y.q_m[0] += 1e-3;\n    *out = y;")),
     "a result is another": changed(ROUND, lambda t: t.replace("res[0] = y.q_m;", "res[0] = y.q_m + 1;")),
+    "a result is copied": changed(
+        ROUND, lambda t: t.replace("    *out = y;", "    gt_copy(y.q_m, in->T_m, 3);\n    *out = y;")
+    ),
     "boxes overlap": changed(FILE, of(f"{IN_FK}/boxes", lambda b: [*b, b[0]])),
     "a box is not a number": changed(FILE, of(f"{IN_FK}/boxes/0/0/0", lambda x: float("nan"))),
     "a bound is not a number": changed(MANIFEST, of(f"{IK}/errors/0", lambda e: float("nan"))),
