@@ -39,10 +39,10 @@ def _png(draw: Any, said: str = "") -> bytes:
 
 def _lay_out(figure: Any) -> None:
     """Place the panels of a figure, so that savefig need not: its layout draws the whole figure once more."""
-    figure.set_dpi(_DPI)  # widths of letters depend on it a little
     if any(axes.name != "rectilinear" or axes.get_aspect() != "auto" for axes in figure.axes):
         figure.draw_without_rendering()  # equal scales move the tick labels, and savefig then makes room for them
     elif layout := figure.get_layout_engine():
+        figure.set_dpi(_DPI)  # widths of letters depend on it a little
         layout.execute(figure)
         figure.set_layout_engine("none")
 
