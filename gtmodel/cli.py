@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,6 +19,7 @@ os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 import typer
 from typer.exceptions import TyperException
+from typer.main import get_command
 
 from gtmodel import _terminal as terminal
 from gtmodel._answer import answering, print_json
@@ -565,6 +566,9 @@ def _commands() -> set[str]:
     return {c.name or c.callback.__name__ for c in app.registered_commands if c.callback is not None}
 
 
+_whole = cache(lambda: get_command(app))  # for the second call of `main` in a process, as from a notebook
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
@@ -572,7 +576,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     terminal.printable()
     try:
         terminal.interruptible()
-        code = app(args=words, prog_name="gtmodel", standalone_mode=False)
+        code = _whole()(args=words, prog_name="gtmodel", standalone_mode=False)
         sys.stdout.flush()
     except TyperException as error:  # a wrong option, or no command at all
         from gtmodel._near import plain
