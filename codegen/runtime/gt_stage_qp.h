@@ -7,6 +7,7 @@
 #ifndef GT_STAGE_QP_H
 #define GT_STAGE_QP_H
 
+#include "gt_stage_qp_factor.h"
 #include "gt_stage_qp_limits.h"
 #include "gt_stage_qp_riccati.h"
 #include "gt_stage_qp_sides.h"
@@ -28,7 +29,7 @@ static inline gt_status gt_stage_qp_status(const gt_stage_qp *f, const gt_stage_
     const double allowed = f->tolerance * (1.0 + fabs(out->cost));
     gt_status status = GT_NOT_CONVERGED;
 
-    if (gt_all_finite(numbers, 4) == 0) {
+    if (gt_stage_qp_finite(numbers, 4) == 0) {
         status = GT_NOT_FINITE;
     } else if ((out->gap <= allowed) && (out->residual <= f->tolerance)
                && (out->gradient <= (GT_STAGE_QP_GRADIENT * allowed))) {
