@@ -39,6 +39,7 @@ typedef struct gt_stage_qp {
     int max_iterations;
     double products; /* number of limits and excesses of all stages */
     double tolerance;
+    double enough; /* the gap is not made smaller, relative to 1 + |cost|: weights beyond would only round off */
     gt_stage_qp_stage stage;
     gt_stage_qp_stage last;
 } gt_stage_qp;

@@ -84,11 +84,11 @@ class ControllerQP(StepFunction, Portable):
 
     def kernels(self, symbol: str) -> list[ca.Function]:
         """Return the operations of a stage and of the last one under their C names."""
-        return QPText(self.qp, symbol, self.qp.tolerance).kernels()
+        return QPText(self.qp, symbol).kernels()
 
     def text(self, symbol: str, real: Real) -> str:
         """Return the C text of init and step."""
-        qp, of = self.qp, QPText(self.qp, symbol, self.qp.tolerance_in(real))
+        qp, of = self.qp, QPText(self.qp, symbol, real)
         n, m, count, own, end = qp.stage.states, qp.stage.inputs, qp.count, of.own, of.end
         arrays, pointers = of.memory()
         known = {member.name for member in self.inputs}

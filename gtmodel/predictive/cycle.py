@@ -167,7 +167,7 @@ def kernels_of(controller: Controller, symbol: str) -> list[ca.Function]:
     """Return the generated functions under their C names."""
     program = controller.program
     own = [called(getattr(program, name), f"{symbol}_{name}") for name in PARTS]
-    return [*own, *QPText(program.qp, symbol, 1.0).kernels()]
+    return [*own, *QPText(program.qp, symbol).kernels()]
 
 
 def _gathered(members: Any, target: str, struct: str = "in->") -> str:
@@ -192,7 +192,7 @@ def _goals(controller: Controller, rows: int) -> str:
 def text_of(controller: Controller, symbol: str, real: Real) -> str:
     """Return the C text of init and step."""
     c, program = controller, controller.program
-    qp, horizon, of = program.qp, program.horizon, QPText(program.qp, symbol, program.qp.tolerance_in(real))
+    qp, horizon, of = program.qp, program.horizon, QPText(program.qp, symbol, real)
     n, m, count, delay = qp.stage.states, qp.stage.inputs, qp.count, horizon.delay
     nd, np_, ny = program.d.numel(), program.statement.p.numel(), sum(k.count for k in c.readings)
     forces, shown = sum(k.count for k in c.commands), sum(k.count for k in c.shown)

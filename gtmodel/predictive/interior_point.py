@@ -24,7 +24,8 @@ from .stage import HorizonStage
 FIRST, AGAIN = 300.0, 1.0  # first products: their sum over 1 + |cost|, without and with a start
 COLD = 1.0  # least distance at the beginning
 TO_BOUNDARY = 0.995
-ENOUGH = 0.1  # the gap is not made smaller than this share of its tolerance
+# the gap is not made smaller than this share of its tolerance: weights beyond only round off, in float to lost pivots
+ENOUGH = {"double": 0.1, "float": 0.5}
 GRADIENT = 10.0  # tolerances: the gradient, over that of the gap
 
 Columns = list[np.ndarray]
@@ -255,6 +256,7 @@ class InteriorPoint:
     ) -> None:  # fmt: skip
         self.real, self.count, self.stage, self.last = real, count, stage, last
         self.tolerance, self.max_iterations = real.dtype(tolerance), max_iterations
+        self.enough = real.dtype(enough(tolerance, real))
         self.of = StageEvaluator(functions[0] | loops(stage), count, real, _chains(stage.inputs))
         self.end = StageEvaluator(functions[1] | loops(last), 1, real)
         products = count * stage.positives // 2 + last.positives // 2
@@ -308,8 +310,8 @@ class InteriorPoint:
             reach = _larger(-min(least, least_end), one + max(most, most_end))
             length = one / _larger(reach, one)
             ratio = _larger(one - length - length * (length * (_sum(zero, minus, minus_end) / gap)), zero)
-            enough = self.real.dtype(ENOUGH) * (self.tolerance * (one + abs(total)))
-            centre = _larger(ratio * (ratio * (ratio * gap)), enough) / self.products
+            least = self.enough * (one + abs(total))
+            centre = _larger(ratio * (ratio * (ratio * gap)), least) / self.products
             slope, slope_end = at.aimed(centre), at_end.aimed(centre)
             dx, du, dy, dy_end = self._stepped(p, q, slope, slope_end, by_x, by_u, by_end, gains)
             reach, boundary = -min(at.changed(dy), at_end.changed(dy_end)), self.real.dtype(TO_BOUNDARY)
@@ -347,6 +349,11 @@ class InteriorPoint:
         still = np.zeros((self.stage.states, 1), self.real.dtype)
         after, du, dy = self.of.along("forward", still, p, _back(gain), _back(k))
         return [np.column_stack([still, after]), du, dy, *self.end.each("move", q, after[:, -1:])]
+
+
+def enough(tolerance: float, real: Real) -> float:
+    """Return the gap that is aimed at where it is already below its tolerance, relative to 1 + |cost|."""
+    return ENOUGH[real.name] * tolerance
 
 
 def _follow(call: Any, x: Any, p: Any, u: Any, b: Any) -> list[Any]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import casadi as ca
 
-from ..cgen.real import decimal
+from ..cgen.real import DOUBLE, Real, decimal
+from .interior_point import enough
 from .kernels import KERNELS, gains_of, ranges
 from .stage_qp import StageQP
 
@@ -12,10 +13,11 @@ NAMES = ("stage", "last")
 
 
 class QPText:
-    """Text for one program; `symbol`: prefix of its C names."""
+    """Text for one program; `symbol`: prefix of its C names; `real`: their number type."""
 
-    def __init__(self, qp: StageQP, symbol: str, tolerance: float) -> None:
-        self.qp, self.symbol, self.tolerance = qp, symbol, tolerance
+    def __init__(self, qp: StageQP, symbol: str, real: Real = DOUBLE) -> None:
+        self.qp, self.symbol, self.tolerance = qp, symbol, qp.tolerance_in(real)
+        self.enough = enough(self.tolerance, real)
         self.own, self.end = qp.stage.positives, qp.last.positives
         self.sides = qp.count * self.own + self.end
 
@@ -45,7 +47,7 @@ class QPText:
             names += [f"{symbol}_{name}_{k}" for k in KERNELS]
             heads.append(f"{{{', '.join([*map(str, numbers), *names])}}}")
         given = [f"{qp.count}, {n}, {m}, {gains_of(n, m)}, {qp.max_iterations}"]
-        given += [f"{decimal(max(self.sides // 2, 1))}, {decimal(self.tolerance)}", *heads]
+        given += [f"{decimal(max(self.sides // 2, 1))}, {decimal(self.tolerance)}, {decimal(self.enough)}", *heads]
         inner = ",\n    ".join(given)
         return f"{''.join(tables)}static const gt_stage_qp {symbol}_qp = {{\n    {inner}\n}};\n\n"
 

@@ -74,7 +74,7 @@ class Found:
 def write(qp: StageQP, folder: Path, real: Real = DOUBLE) -> Path:
     """Write the C files of the problem; the one to compile."""
     folder.mkdir(parents=True, exist_ok=True)
-    of = QPText(qp, "qp", qp.tolerance_in(real))
+    of = QPText(qp, "qp", real)
     source, declarations = body("qp", [], of.kernels())
     arrays, pointers = of.memory()
     n, m, count = qp.stage.states, qp.stage.inputs, qp.count
