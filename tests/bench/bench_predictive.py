@@ -28,7 +28,7 @@ from gtmodel.predictive.converged import _Problem
 from gtmodel.predictive.cycle import CycleTwin
 from gtmodel.results.status import Status
 from tests.bench.callgrind import _edges, _run, missing
-from tests.bench.rivals.horizon_rivals import TOLERANCE, ByQrqp, by_daqp, by_piqp, flat
+from tests.bench.rivals.horizon_rivals import TOLERANCE, ByQrqp, by_daqp, by_piqp, flat, text_of_hpipm
 from tests.bench.rivals.horizon_sqp import BySqpmethod, Repeated
 from tests.predictive.compiled import FLAGS, write
 
@@ -36,6 +36,7 @@ RIVAL = Path(__file__).parent / "rivals" / "horizon_qp.c"
 LOW, HIGH = np.array([0.1, -1.1, 0.1]), np.array([1.0, -0.7, 0.6])
 SPEEDS = (0.0, 0.5, 1.0, 1.5)  # m/s
 MOST = 6e6  # instructions of the longest cycle
+MOST_TEXT, MOST_STACK = 20, 200  # kB
 MODES = ("SPEED_ABS", "SPEED", "BALANCE", "ROBUST")
 STARTS = (0.0, 1e2, 1e4)  # mu0 of HPIPM; 0: its own
 CAP = 20  # iterations, of problems/l1_predictive.toml
@@ -149,6 +150,20 @@ def build(qp: StageQP, folder: Path) -> Path:
         program,
     )  # fmt: skip
     return program
+
+
+def of_size(folder: Path) -> None:
+    """Print machine code and stack of the program beside their goals, and the code of HPIPM."""
+    texts = []
+    for level in ("-O2", "-Os"):
+        file = folder / "size.o"
+        _run("gcc", *FLAGS, level, "-fstack-usage", f"-I{folder}", "-c", folder / "gt_qp.c", "-o", file)
+        rows = [line.split() for line in _run("nm", "-S", file).splitlines()]
+        texts.append(sum(int(row[1], 16) for row in rows if len(row) == 4 and row[2] in "Tt") / 1e3)
+    stack = sum(int(line.split("\t")[1]) for line in (folder / "size.su").read_text().splitlines()) / 1e3
+    own, other = (size / 1e3 for size in text_of_hpipm())
+    print(f"text {texts[0]:.1f} kB (goal {MOST_TEXT}), with -Os {texts[1]:.1f}; stack at most {stack:.0f} kB (goal "
+          f"{MOST_STACK}); HPIPM may reach {own:.0f} kB, and {other:.0f} kB of BLASFEO")  # fmt: skip
 
 
 def solved(program: Path, file: Path, repeats: int, mode: int, mu0: float, warm: int = 0) -> np.ndarray:
@@ -290,6 +305,7 @@ def main() -> int:
             print(f"N = {stages}: {a / 1e6:.3f} + {b / 1e6:.4f} x iterations million instructions; with {CAP}: "
                   f"{(a + CAP * b) / 1e6:.2f}, goal for N = 40: {MOST / 1e6:.0f}")  # fmt: skip
             if stages == 40:
+                of_size(folder)
                 of_drawn(c, program, folder, given.draws)
                 rows = beside_hpipm(program, folder, warm=False)
                 from_python(qp, problems[:RIVALS], rows[:RIVALS, 2:4], folder, warm=False)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
 import time
 from pathlib import Path
 from typing import Any
@@ -75,6 +76,30 @@ def condensed(f: dict[str, Any], free: int) -> dict[str, Any]:
     P, G = f["P"].toarray(), f["G"].toarray()
     constant = f["constant"] + f["c"] @ z + z @ P @ z / 2
     return {"P": Z.T @ P @ Z, "c": Z.T @ (f["c"] + P @ z), "G": G @ Z, "h": f["h"] - G @ z, "constant": constant}
+
+
+def text_of_hpipm(root: str = "d_ocp_qp_ipm_solve") -> tuple[int, int]:
+    """Machine code of HPIPM and of BLASFEO that a call of `root` may reach, function by function."""
+    wheel, sizes, calls = Path(ca.__file__).parent, dict[str, int](), dict[str, set[str]]()
+    for library in ("libhpipm.so", "libblasfeo.so"):
+        for line in _run("nm", "-S", "--defined-only", wheel / library).splitlines():
+            match line.split():
+                case [_, size, "T" | "t" | "W" | "w", name]:
+                    sizes[name] = int(size, 16)
+        now = ""
+        for line in _run("objdump", "-d", "--no-show-raw-insn", wheel / library).splitlines():
+            if head := re.match(r"[0-9a-f]+ <([^>]+)>:", line):
+                now = head[1]
+            elif to := re.search(r"\b(?:call|j\w+|lea)\s.*<([^>+@]+)", line):
+                calls.setdefault(now, set()).add(to[1])
+    seen, ahead = set[str](), [root]
+    while ahead:
+        name = ahead.pop()
+        if name in sizes and name not in seen:
+            seen.add(name)
+            ahead += calls.get(name, ())
+    own = sum(sizes[name] for name in seen if name.startswith("d_"))
+    return own, sum(sizes[name] for name in seen) - own
 
 
 def by_piqp(f: dict[str, Any], allowed: float) -> Found:
