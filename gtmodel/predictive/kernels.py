@@ -73,11 +73,8 @@ def kernels(stage: HorizonStage) -> dict[str, ca.Function]:
 def ranges(stage: HorizonStage) -> list[tuple[int, int]]:
     """Return the first variable of each row (states, then inputs) and the number of those to its last one."""
     rows = ca.horzcat(stage.matrices["C"], stage.matrices["D"])
-    found = []
-    for i in range(rows.shape[0]):
-        at = [j for j in range(rows.shape[1]) if not rows[i, j].is_zero()] or [0]
-        found.append((at[0], at[-1] - at[0] + 1))
-    return found
+    across = [[j for j in range(rows.shape[1]) if not rows[i, j].is_zero()] or [0] for i in range(rows.shape[0])]
+    return [(at[0], at[-1] - at[0] + 1) for at in across]
 
 
 def loops(stage: HorizonStage) -> dict[str, ca.Function]:
