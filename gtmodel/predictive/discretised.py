@@ -21,6 +21,7 @@ from ..filtering.manifold import Manifold, StatePart
 from ..filtering.transition import runge_kutta
 from ..linear.state_space import settled_covariance
 from ..results.refusal import ArgumentError
+from .kernels import loops
 from .options import FOREVER, ControlHorizon, Measurement, numbers
 from .stage import HorizonStage, LimitedRow
 from .stage_qp import StageQP
@@ -173,8 +174,9 @@ class Discretised(Portable):
     @property
     def operations(self) -> int:
         """Operations of a cycle with ten iterations."""
-        often = {"given": 0, "grade": 1, "factor": 1}
-        each = sum(often.get(k, 2) * f.n_instructions() for k, f in self.qp.kernels[0].items())
+        often = {"given": 0, "pull": 2, "move": 2, "offset": 2, "fed": 2}
+        functions = self.qp.kernels[0] | loops(self.qp.stage)
+        each = sum(often.get(k, 1) * f.n_instructions() for k, f in functions.items())
         each += OF_A_SIDE * self.qp.stage.positives
         return self.horizon.stages * (self.prepare.n_instructions() + 10 * each)
 

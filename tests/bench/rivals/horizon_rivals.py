@@ -118,6 +118,19 @@ def by_piqp(f: dict[str, Any], allowed: float) -> Found:
     return (solver.result.info.primal_obj + f["constant"] if status == piqp.PIQP_SOLVED else np.nan), spent
 
 
+def compiled(f: ca.Function, folder: Path) -> ca.Function:
+    """The function in the C that CasADi generates for it, in a new folder."""
+    folder.mkdir()
+    here = Path.cwd()
+    try:
+        os.chdir(folder)
+        f.generate("rival.c")
+    finally:
+        os.chdir(here)
+    _run("gcc", "-O2", "-shared", "-fPIC", folder / "rival.c", "-o", folder / "rival.so", "-lm")
+    return ca.external(f.name(), str(folder / "rival.so"))
+
+
 class ByQrqp:
     """The C that CasADi generates for `qrqp`; `warm`: from the solution and the multipliers of the problem before."""
 
@@ -130,14 +143,8 @@ class ByQrqp:
         solver = ca.conic("rival", "qrqp", {"h": H.sparsity(), "a": A.sparsity()}, options)
         symbols = [ca.MX.sym(name, solver.sparsity_in(name)) for name in solver.name_in()]
         whole = ca.Function("whole", symbols, list(solver.call(symbols)), solver.name_in(), solver.name_out())
-        here = Path.cwd()
-        try:
-            os.chdir(folder)
-            whole.generate("rival.c")
-        finally:
-            os.chdir(here)
-        _run("gcc", "-O2", "-shared", "-fPIC", folder / "rival.c", "-o", folder / "rival.so", "-lm")
-        self.solver, self.warm, self.start = ca.external("whole", str(folder / "rival.so")), warm, dict[str, Any]()
+        self.solver = compiled(whole, folder)
+        self.warm, self.start = warm, dict[str, Any]()
         self.H, self.A = H.sparsity(), A.sparsity()
 
     def _matrices(self, f: dict[str, Any]) -> tuple[Any, Any]:

@@ -4,8 +4,6 @@ program; CasADi generates `sqpmethod` with `qrqp`, given the same Hessian of Gau
 from __future__ import annotations
 
 import ctypes
-import os
-import subprocess
 import time
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,8 @@ from gtmodel._files import codegen_dir
 from gtmodel.cgen.body import body
 from gtmodel.predictive import Controller
 from gtmodel.predictive.qp_text import QPText, called
+from tests.bench.callgrind import _run
+from tests.bench.rivals.horizon_rivals import compiled
 from tests.predictive.compiled import FLAGS, SHARED
 
 STEP = 1e-6  # of the last change, relative to 1 + the number
@@ -99,7 +99,7 @@ class Repeated:
             (folder / name).write_text((codegen_dir() / "runtime" / name).read_text())
         (folder / "gt_sqp_body.h").write_text(declarations)
         (folder / "sqp.c").write_text(source + text)
-        _compiled(folder / "sqp.c", FLAGS)
+        _run("gcc", *FLAGS, "-shared", "-fPIC", f"-I{folder}", folder / "sqp.c", "-o", folder / "sqp.so", "-lm")
         self._solve, self.c = ctypes.CDLL(str(folder / "sqp.so")).gt_sqp_solve, c
 
     def __call__(self, x0: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, int, float]:
@@ -110,13 +110,6 @@ class Repeated:
         status = self._solve(*[ctypes.c_void_p(a.ctypes.data) for a in (x0, p, x, v)], ctypes.byref(programs))
         spent = time.process_time() - begun
         return x, v, 0 if status else programs.value, spent
-
-
-def _compiled(source: Path, flags: tuple[str, ...]) -> None:
-    subprocess.run(
-        ["gcc", *flags, "-shared", "-fPIC", f"-I{source.parent}", source, "-o", source.with_suffix(".so"), "-lm"],
-        check=True,
-    )
 
 
 class BySqpmethod:
@@ -170,15 +163,7 @@ class BySqpmethod:
             },
         }  # fmt: skip
         solver = ca.nlpsol("rival", "sqpmethod", {"x": z, "p": split, "f": cost, "g": g}, options)
-        folder.mkdir()
-        here = Path.cwd()
-        try:
-            os.chdir(folder)
-            solver.generate("rival.c")
-        finally:
-            os.chdir(here)
-        _compiled(folder / "rival.c", ("-O2",))
-        self.solver, self.c = ca.external("rival", str(folder / "rival.so")), c
+        self.solver, self.c = compiled(solver, folder), c
         self.lbx = np.concatenate([np.full(n * (count + 1) + m * count, -np.inf), np.zeros(2 * free)])
         self.sizes = n * (count + 1), m * count, 2 * free
 
