@@ -61,8 +61,8 @@ class _Called:
 class StageEvaluator:
     """Functions of a stage on the columns of all stages.
 
-    `chains`: name -> (number of carried arguments, operations in terms of the functions). CasADi must not simplify what
-    one function does with the results of another: C does not either.
+    `chains`: name -> operations of a stage in terms of the functions. CasADi must not simplify what one function does
+    with the results of another: C does not either.
     """
 
     def __init__(
