@@ -93,11 +93,12 @@ def test_the_band_is_exact():
     assert (round(nis.low, 2), round(nis.high, 2)) == (11.92, 12.08)
 
 
+@pytest.mark.parametrize("runs", [30, pytest.param(100, marks=pytest.mark.proof)])
 @pytest.mark.parametrize("axes", [3, 5])
-def test_errors_and_innovations_of_100_runs_lie_in_their_bands(axes, plane, space):
+def test_errors_and_innovations_of_many_runs_lie_in_their_bands(axes, runs, plane, space):
     case = plane if axes == 3 else space
     system = case.system
-    drawn = F.draw(system, case.initial, 0.001 * np.arange(400 if axes == 3 else 150), seed=22, runs=100)
+    drawn = F.draw(system, case.initial, 0.001 * np.arange(400 if axes == 3 else 150), seed=22, runs=runs)
     run = F.ErrorState(system).run(drawn.log, case.initial, truth=drawn.truth)
     errors = F.judged(run)
     assert errors.onset is None
@@ -106,10 +107,11 @@ def test_errors_and_innovations_of_100_runs_lie_in_their_bands(axes, plane, spac
         assert np.all((share >= errors.coverage_band.low) & (share <= errors.coverage_band.high)), name
 
 
-def test_the_onset_of_inconsistency_is_shown(space):
+@pytest.mark.parametrize("runs", [20, pytest.param(50, marks=pytest.mark.proof)])
+def test_the_onset_of_inconsistency_is_shown(runs, space):
     """Five degrees of attitude error at the start: the linearisation is wrong until the readings have taken it away."""
     loose = replace(space.initial, deviation={**space.initial.deviation, "Q": 5 * DEG, "w": 5.0})
-    drawn = F.draw(space.system, loose, 0.001 * np.arange(60), seed=23, runs=50)
+    drawn = F.draw(space.system, loose, 0.001 * np.arange(60), seed=23, runs=runs)
     run = F.ErrorState(space.system).run(drawn.log, loose, truth=drawn.truth)
     errors = F.judged(run, 12)
     assert errors.onset is not None and errors.onset < 0.03

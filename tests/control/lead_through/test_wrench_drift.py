@@ -18,7 +18,7 @@ from gtmodel.results import ArgumentError, Trajectory
 
 L = gt.control.lead_through
 SEED, POSES, SIZE, ARM = 4301, 100, 2.0, 0.05  # m: the drift's moment over its force
-FEW, MANY = 20, 400
+FEW, MANY = 10, 400
 WITHIN = 0.003  # of the mass: issue 43
 TIME = 3.0 * np.arange(POSES)
 RUNS = pytest.mark.parametrize("count", [FEW, pytest.param(MANY, marks=pytest.mark.proof)])
