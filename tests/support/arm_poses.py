@@ -77,6 +77,7 @@ def poses(
 def forward(arm: gt.robots.SerialArm, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Positions (n, 3) [m] and orientations (n, 3, 3) of the tool at joints (n, m) [rad, m], by standard
     Denavit-Hartenberg numbers: without the compiler, which needs a second for every other arm."""
+    assert arm.structure.style == "standard"
     R = ROTATION.from_euler("xyz", np.tile(np.asarray(arm.base_rpy, float), (len(q), 1)))
     T = np.tile(np.asarray(arm.base_xyz, float), (len(q), 1))
     numbers = np.array([np.asarray(getattr(arm, name), float) for name in ("theta", "d", "a", "alpha", "beta")]).T

@@ -230,16 +230,17 @@ def bound(s: Set) -> float:
     return float(1 / np.sqrt(information))
 
 
+@pytest.mark.parametrize("count", [FEW, pytest.param(20, marks=pytest.mark.proof)])
 @pytest.mark.parametrize("kind", ["none", "linear"])
-def test_a_random_walk_covers_no_drift_and_a_linear_one(kind: str) -> None:
+def test_a_random_walk_covers_no_drift_and_a_linear_one(kind: str, count: int) -> None:
     hits = 0
-    for k in range(FEW):
+    for k in range(count):
         s = drawn(kind, k)
         c = calibrated(s, drift="random_walk")
         low, high = c.force.interval("mass")
         hits += low <= s.mass <= high
         assert abs(c.force.value("mass") - s.mass) < WITHIN * s.mass
-    assert hits >= least_hits(FEW)
+    assert hits >= least_hits(count)
 
 
 def table(count: int) -> None:
