@@ -224,13 +224,14 @@ def _places(arm: SerialArm, turns: bool) -> Callable[[Array], Array]:
     point, rpy = np.asarray(arm.tool_xyz, float), np.asarray(arm.tool_rpy, float)
     points = np.vstack([np.zeros(3), *([np.eye(3)] if turns else [])])  # tool coordinates
     q = np.tile(q, (len(points), 1))
+    steps = [dh_step(s.style, *row) for row in numbers]
 
     def place(change: Array) -> Array:
         changed = numbers + change[: 5 * n].reshape(n, 5)
         shift, turn, frame = np.split(change[5 * n :], [3, 6])
         p = np.repeat(point + shift + points @ rotation_of_rpy(rpy + turn).T, POINTS, axis=0)
         for k in reversed(range(n)):
-            R, r = dh_step(s.style, *changed[k])
+            R, r = dh_step(s.style, *changed[k]) if (changed[k] != numbers[k]).any() else steps[k]
             if s.style == "standard":
                 p = _joint(s.joints[k].kind, q[:, k], p @ R.T + r)
             else:
