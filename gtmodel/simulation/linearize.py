@@ -113,15 +113,15 @@ class Linearization:
         refuse_discontinuities(flat)
         prefer = names("prefer", prefer)
         self._known = known = _inputs(flat, names("inputs", inputs))
-        found = [(i, order) for _, indices, order in map(flat.lookup, names("outputs", outputs)) for i in indices]
-        repeated = [flat.symbol_name(*pair) for n, pair in enumerate(found) if pair in found[:n]]
+        wanted = [(i, order) for _, indices, order in map(flat.lookup, names("outputs", outputs)) for i in indices]
+        repeated = [flat.symbol_name(*pair) for n, pair in enumerate(wanted) if pair in wanted[:n]]
         if repeated:
             raise ModelError(f"output '{repeated[0]}' is named twice; name it once")
-        self._targets = found
+        self._targets = wanted
         self._u = {i: ca.SX.sym(flat.variables[i].name) for i in known}
         functions = SimulationInputs(flat, ca.SX.sym("t"), dict(self._u), {})
         preferred = [i for name in prefer for i in flat.lookup(name)[1]]
-        self._systems = Systems(flat, functions, [flat.scope.symbol(*p) for p in found], preferred)
+        self._systems = Systems(flat, functions, [flat.scope.symbol(*p) for p in wanted], preferred)
 
     def at(self, start: Mapping[str, Any] | None, input_values: Mapping[str, Any] | None) -> LinearModel:
         """Return the linear model at a consistent point. Raises ModelError as `linearize`."""
@@ -188,7 +188,7 @@ def _values(flat: FlatModel, known: list[int], input_values: Mapping[str, Any]) 
             raise ModelError(f"input_values: '{name}' is not an input")
         array = numbers(f"input_values: '{name}'", value)
         if array.size not in (1, len(indices)) or not np.all(np.isfinite(array)):
-            raise ModelError(f"input_values: '{name}' takes {len(indices)} finite numbers; found {value}")
+            raise ModelError(f"input_values: '{name}' takes {len(indices)} finite numbers; wanted {value}")
         values.update(zip(indices, np.broadcast_to(array, len(indices)).tolist(), strict=True))
     return values
 

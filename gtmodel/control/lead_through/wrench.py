@@ -102,7 +102,7 @@ def is_direction(a: Vector) -> bool:
 
 def whole(*vectors: Vector) -> bool:
     """Whether all numbers are finite."""
-    return all(math.isfinite(x) for a in vectors for x in a)
+    return all(all(map(math.isfinite, a)) for a in vectors)
 
 
 ORTHONORMAL = 1e-6  # tolerance of R'R - I: poses have six or more digits
