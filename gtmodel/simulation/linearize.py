@@ -188,7 +188,7 @@ def _values(flat: FlatModel, known: list[int], input_values: Mapping[str, Any]) 
             raise ModelError(f"input_values: '{name}' is not an input")
         array = numbers(f"input_values: '{name}'", value)
         if array.size not in (1, len(indices)) or not np.all(np.isfinite(array)):
-            raise ModelError(f"input_values: '{name}' takes {len(indices)} finite numbers; wanted {value}")
+            raise ModelError(f"input_values: '{name}' takes {len(indices)} finite numbers; found {value}")
         values.update(zip(indices, np.broadcast_to(array, len(indices)).tolist(), strict=True))
     return values
 
