@@ -91,10 +91,11 @@ def _read(file: Path) -> view.RobotScene:
 
 def _of_result(folder: Path, name: str, context: Context) -> view.RobotScene:
     """The scene of that name in a result folder, the first if left out. Raises InputError and ArgumentError."""
+    unsaid = f"{folder / written.RUN} does not say which problem was solved; solve it again, with --plot (plot=True)"
     try:
         run = toml_of((folder / written.RUN).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise InputError(f"{folder / written.RUN} does not say which problem was solved; solve it again") from error
+        raise InputError(unsaid) from error
     kept = {p.name.removesuffix(written.SCENE): p for p in sorted(folder.glob(f"*{written.SCENE}"))}
     names = [*(kept or run.get("scenes") or ())]
     if name and name not in names:
@@ -108,7 +109,7 @@ def _of_result(folder: Path, name: str, context: Context) -> view.RobotScene:
         context.folder = Path(run["input"]["problem"]).parent
         kind, start = run["problem"]["kind"], run["input"].get("start")
     except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{folder / written.RUN} does not say which problem was solved; solve it again") from error
+        raise InputError(unsaid) from error
     stored = reading.read(folder)
     if names:
         context.start = earlier_result(Path(start), kind) if start else None
