@@ -25,7 +25,7 @@ class SampledSystem:
     of python-control, which takes longer than many designs; `to_control` returns one of its systems.
 
     >>> system = gt.control.learning.SampledSystem([[0.5]], [[1.0]], [[0.25]], [[0.5]], 0.004)
-    >>> system.nstates, system.poles().tolist(), system.to_control().dcgain()
+    >>> system.nstates, system.poles().tolist(), float(system.to_control().dcgain())
     (1, [0.5], 1.0)
     """
 
