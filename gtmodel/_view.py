@@ -97,13 +97,14 @@ def _of_result(folder: Path, name: str, context: Context) -> view.RobotScene:
     except (OSError, ValueError) as error:
         raise InputError(unsaid) from error
     kept = {p.name.removesuffix(written.SCENE): p for p in sorted(folder.glob(f"*{written.SCENE}"))}
-    names = [*(kept or run.get("scenes") or ())]
+    names = [*(run.get("scenes") or kept)]
     if name and name not in names:
         raise InputError(f"has no scene '{name}'; there are {', '.join(names) or 'none'}", file=str(folder))
     for other in names[1:] if not name else ():
         context.notice(f"there is more to see: gtmodel view {shlex.quote(str(folder / other))}")
-    if kept:
-        return _read(kept[name or names[0]])
+    chosen = name or next(iter(names), "")
+    if chosen in kept:
+        return _read(kept[chosen])
     try:
         problem: Any = validate(get(run["problem"]["kind"]).Schema, run["problem"])
         context.folder = Path(run["input"]["problem"]).parent
@@ -113,7 +114,7 @@ def _of_result(folder: Path, name: str, context: Context) -> view.RobotScene:
     stored = reading.read(folder)
     if names:
         context.start = earlier_result(Path(start), kind) if start else None
-        return _again(problem, stored, context).view(name or names[0])
+        return _again(problem, stored, context).view(chosen)
     motion = stored.trajectory
     robot = _model(problem, kind, context) if motion is not None else None
     report = "gtmodel solve --report shows what this result has"
