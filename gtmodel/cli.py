@@ -223,7 +223,9 @@ def solve(
     settings: Set = None,
     out: Out = None,
     as_json: Json = False,
-    plot: Annotated[bool, typer.Option("--plot", help="Draw pictures; into ./NAME-result without --out.")] = False,
+    plot: Annotated[
+        bool, typer.Option("--plot", help="Draw pictures and scenes; into ./NAME-result without --out.")
+    ] = False,
     report: Report = False,
     max_seconds: Annotated[
         float | None, typer.Option(metavar="S", help="Time limit; the best iterate is kept.")
@@ -313,6 +315,8 @@ def view(
     at: Annotated[float | None, typer.Option("--at", metavar="SECONDS", help="Instant of a .png; the first.")] = None,
 ) -> None:
     """Write a page with a robot in space, each drive moved to and fro, or with the motion or the scene of a result.
+
+    RESULT/NAME is one of several scenes. Those that the folder does not keep, as with --plot, are computed again.
 
     The page is one file that needs no network.
     """

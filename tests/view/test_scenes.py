@@ -209,6 +209,7 @@ def test_a_folder_of_a_closed_loop_moves_as_it_was_simulated(
     monkeypatch.chdir(tmp_path)
     gtmodel = Commands(capsys)
     assert gtmodel("solve", "loop_simulation", "--out", "loop").code == 0
+    assert not Path("loop/loop.scene.json").exists()  # nobody asked for it: the page is made when it is
     assert gtmodel("view", "loop").code == 0
     _, points = decoded(Path("loop.html").read_text())
     table = np.loadtxt("loop/trajectory.csv", delimiter=",", comments=("#", "time"))
@@ -234,12 +235,12 @@ def test_result_folders_are_shown(capsys: pytest.CaptureFixture[str], tmp_path: 
                                   monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
     gtmodel = Commands(capsys)
-    compliance().write("modes")
+    compliance().write("modes", plot=True)
     assert {p.name for p in Path("modes").glob("*.scene.json")} == {
         f"{name}.scene.json" for name in compliance().scenes
     }
     done = gtmodel("view", "modes", "-o", "first.html")
-    assert done.code == 0 and "gtmodel view modes/mode_2.scene.json" in done.err
+    assert done.code == 0 and "gtmodel view modes/mode_2\n" in done.err
     assert gtmodel("view", "modes/mode_2.scene.json", "-o", "second.html").code == 0
     titles = [decoded(Path(f"{name}.html").read_text())[0]["title"] for name in ("first", "second")]
     assert "mode 1" in titles[0] and "mode 2" in titles[1]
@@ -257,6 +258,24 @@ def test_result_folders_are_shown(capsys: pytest.CaptureFixture[str], tmp_path: 
     assert motion is not None and np.allclose(points[[*points][tool]][-1], motion["robot.T"][-1], atol=SAME)
 
 
+def test_a_scene_that_was_not_kept_is_made_again(capsys: pytest.CaptureFixture[str], tmp_path: Path,
+                                                  monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    gtmodel = Commands(capsys)
+    coarse = ("--set", "section.step_m=0.5")
+    for folder, option in (("bare", ()), ("kept", ("--plot",))):
+        assert gtmodel("solve", "compliance_l1", *coarse, "--out", folder, *option).code == 0
+        for name in ("mode_2", "mode_2.scene.json"):
+            assert gtmodel("view", f"{folder}/{name}", "-o", f"{folder}.{name}.html").code == 0
+    assert not list(Path("bare").glob("*.scene.json")) and Path("kept/mode_2.scene.json").exists()
+    assert len({p.read_bytes() for p in Path().glob("*.html")}) == 1
+    assert gtmodel("view", "bare/mode_9").code == 2
+    stored = json.loads(Path("bare/result.json").read_text())
+    stored["values"]["stiffness_N_m"][0] *= 1.001  # as if a file that it read had been another one
+    Path("bare/result.json").write_text(json.dumps(stored))
+    assert "--plot" in gtmodel("view", "bare").err
+
+
 def test_what_must_not_be_used_says_so_in_space_too(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -267,7 +286,7 @@ def test_what_must_not_be_used_says_so_in_space_too(
         study = gt.results.Study(status=status, scenes={"bar": lambda: bar})
         note = study.view().note
         assert note.endswith("A bar.") and status.ok == (note == "A bar.") and (status.ok or status.message in note)
-        study.write(status.value)
+        study.write(status.value, plot=True)
         stored = json.loads(Path(status.value, "bar.scene.json").read_text())
         assert stored["note"] == note
     assert gtmodel("solve", "l1_drop", "--set", "final_time_s=0.2", "--set", "tolerance=1e-3", "--out", "drop").code < 2
@@ -282,7 +301,7 @@ def test_a_scene_that_cannot_be_drawn_loses_no_result(tmp_path: Path) -> None:
         raise RuntimeError("not today")
 
     study = gt.results.Study(status=gt.SolveStatus.SOLVED, scenes={"broken": broken, "motion": broken})
-    study.write(tmp_path / "out")
+    study.write(tmp_path / "out", plot=True)
     assert json.loads((tmp_path / "out" / "broken.scene.json").read_text()) == {"fault": "RuntimeError: not today"}
     assert not (tmp_path / "out" / "motion.scene.json").exists()
 

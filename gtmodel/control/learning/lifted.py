@@ -137,8 +137,9 @@ def _convolution(g: Array, size: int) -> Apply:
 def lifted(plant: Plant, size: int) -> Lifted:
     """Return the map of a plant with one input and one output, from rest: Dressler 2012, (7.5) and (7.9).
 
-    plant: discrete-time `control.StateSpace` or `TransferFunction`. Raises ArgumentError as `pulse_response`, and for a
-    pole outside the unit circle, because rounding errors of the FFT scale with the largest sample.
+    plant: `SampledSystem`, or discrete-time `control.StateSpace` or `TransferFunction`. Raises ArgumentError as
+    `pulse_response`, and for a pole outside the unit circle, because rounding errors of the FFT scale with the largest
+    sample.
 
     >>> learning = gt.control.learning
     >>> learning.lifted(learning.delayed_lag(0.5, 0.5, delay=1), 3).dense().tolist()
