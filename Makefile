@@ -54,9 +54,9 @@ test: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	@$(MAKE) --no-print-directory --jobs=2 types pytest
 
-# The types at the same time as the tests: they take one core for most of a minute.
+# The types at the same time as the tests.
 types: $(VENV)/.dev
-	$(BIN)/basedpyright --pythonpath $(BIN)/python
+	$(BIN)/pyrefly check --min-severity error --python-interpreter-path $(BIN)/python
 
 pytest: $(VENV)/.dev
 	$(PYTEST)

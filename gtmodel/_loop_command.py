@@ -72,11 +72,11 @@ def run(
                     break
             if not manifest["problem"]:
                 raise InputError(f"'{folder}' does not name its problem; generate it with gtmodel codegen")
-            problem = validate(get("codegen").Schema, manifest["problem"])
+            problem: Any = validate(get("codegen").Schema, manifest["problem"])
             job.folder = folder  # paths in the manifest start there
-            robot = problem.model(job)  # pyright: ignore[reportAttributeAccessIssue]
+            robot = problem.model(job)
             motion = partial(_motion, problem, robot, reference, job, generated)
-            unit = problem.plant_unit(folder, plant, plant_timeout)  # pyright: ignore[reportAttributeAccessIssue]
+            unit = problem.plant_unit(folder, plant, plant_timeout)
             options = options_of(problem, "lead_through", "disturbances") | {"plant": unit}
             with job.under_way():
                 result = study(robot, folder, motion, built=target.path, **options, **arguments, **job.work())

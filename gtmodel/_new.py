@@ -13,10 +13,10 @@ from typing import Any
 
 from gtmodel._files import problems_dir
 from gtmodel._near import meant
-from gtmodel._report import HELP, NO_REMARK
+from gtmodel._report import HELP, NO_REMARK, declared
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.files import parse, shipped_names
-from gtmodel.problem_files.from_options import Key, keys_of
+from gtmodel.problem_files.from_options import keys_of
 from gtmodel.problem_files.registry import names, schema_of
 from gtmodel.results.disk import write_whole
 from gtmodel.results.read_bounds import toml_of
@@ -41,6 +41,13 @@ def example_of(kind: str) -> str:
         return _FIRST[kind]
     folder = problems_dir()
     return next(n for n in shipped_names() if parse((folder / f"{n}.toml").read_bytes()).get("kind") == kind)
+
+
+def of_kind(what: str, kind: str | None) -> str:
+    """Return the kind in place of the word problem. Raises InputError if it belongs to another word."""
+    if kind is not None and what not in ("problem", kind):
+        raise InputError(f"--kind belongs to the word problem, not to '{what}': gtmodel new problem --kind {kind}")
+    return kind or what
 
 
 def write(what: str, name: str, log: Path | None = None, place: Path | None = None) -> tuple[list[Path], str]:
@@ -121,11 +128,6 @@ def _without_schema(text: str) -> list[str]:
     return [s for s in text.rstrip().splitlines() if not NO_REMARK.match(s)]
 
 
-def _key_at(known: dict[str, Key], table: str, name: str) -> Key | None:
-    place = f"{table}.{name}" if table else name
-    return known.get(place) or known.get(re.sub(r"\[\]", "", place))
-
-
 def _annotated(lines: Sequence[str], kind: str) -> Iterator[str]:
     """Lines with the description of their key, if they have no comment and room for it."""
     known, table = {key.key: key for key in keys_of(schema_of(kind))}, ""
@@ -133,7 +135,7 @@ def _annotated(lines: Sequence[str], kind: str) -> Iterator[str]:
         if header := re.match(r"\[+([\w.]+)\](\])?", line):
             table = header[1] + ("[]" if header[2] else "")
         setting = re.match(r"(\w+) *=", line)
-        key = _key_at(known, table, setting[1]) if setting and "#" not in line else None
+        key = declared(f"{table}.{setting[1]}".lstrip("."), known) if setting and "#" not in line else None
         if key is not None and key.description and _is_whole(line):
             longer = f"{line:<34}  # {key.description}"
             line = longer if len(longer) <= WIDTH else f"{_comment(key.description)}\n{line}"

@@ -68,11 +68,26 @@ def asked(loaded: Loaded, context: Context, options: Sequence[str] = (), command
 
 def _rows(values: Mapping[str, str], known: Mapping[str, Key]) -> Iterator[tuple[str, str, str, str]]:
     for key, value in values.items():
-        about = known.get(re.sub(r"\[\d+\]", "[]", key)) or known.get(re.sub(r"\[\d+\]", "", key))
-        unit = about.unit if about else unit_of(key.rpartition(".")[2])
+        about = declared(key, known)
+        unit = about.unit if about and about.unit else unit_of(key.rpartition(".")[2])
         # a float as written by hand: 2.5e+07 or 0.1, not 25000000.0
         shown = value if '"' in value else FLOAT.sub(lambda x: f"{float(x[0]):.10g}", value)
-        yield key, shown, unit, about.description if about else ""
+        # tables in a list are declared by their keys
+        yield key, shown, unit, about.description if about else "none of these tables" if value == "[]" else ""
+
+
+def declared(key: str, known: Mapping[str, Key]) -> Key | None:
+    """The declaration of a key of a file, such as box[2].low_m, signals.force.unit, declared as signals.*.unit, or
+    parameters.m_p, one value of the table parameters."""
+    path, plain = (re.sub(r"\[\d*\]", brackets, key) for brackets in ("[]", ""))
+    for name in (path, plain):
+        if name in known:
+            return known[name]
+    for name, about in known.items():
+        if "*" in name and re.fullmatch(re.escape(name).replace(r"\*", r"[^.]+"), plain):
+            return about
+    table = path.rpartition(".")[0]
+    return declared(table, known) if table else None
 
 
 def _remarks(content: bytes) -> list[str]:

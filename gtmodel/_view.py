@@ -10,13 +10,16 @@ from gtmodel import view
 from gtmodel._report import refuse_another
 from gtmodel.lang import Model
 from gtmodel.problem_files import python_models, robots
-from gtmodel.problem_files.base import Context, InputError
+from gtmodel.problem_files.base import Context, InputError, earlier_result
 from gtmodel.problem_files.explaining import is_problem
 from gtmodel.problem_files.files import find
 from gtmodel.problem_files.load import validate
+from gtmodel.problem_files.noted import noted
 from gtmodel.problem_files.registry import get
-from gtmodel.results import ArgumentError, reading, written
+from gtmodel.results import ArgumentError, Study, reading, written
+from gtmodel.results.as_json import result
 from gtmodel.results.read_bounds import json_of, toml_of
+from gtmodel.results.reading import document
 from gtmodel.results.study import cautioned
 from gtmodel.view.space import ENDINGS
 
@@ -24,10 +27,11 @@ SUFFIX = ".html"
 
 
 def write(what: str, out: Path | None, time: float | None, context: Context) -> Path:
-    """Write the page of a robot, by its reference, of a result folder or of a scene in it; return its path. Raises
-    InputError."""
+    """Write the page of a robot, by its reference, of a result folder, or of a scene of it, FOLDER/SCENE; return its
+    path. Raises InputError."""
     place = Path(what).parent if Path(what).name in (written.RESULT, written.RUN) else Path(what)
-    is_result, is_scene = (place / written.RESULT).is_file(), what.endswith(written.SCENE)
+    is_result = (place / written.RESULT).is_file()
+    is_scene = not is_result and (place.name.endswith(written.SCENE) or _inside_a_result(place))
     file, _, inner = place.name.partition(":")
     name = inner if python_models.is_reference(what) else Path(file).stem
     if not (is_result or is_scene) and place.is_dir():
@@ -42,15 +46,25 @@ def write(what: str, out: Path | None, time: float | None, context: Context) -> 
         raise InputError("--at belongs to a picture: -o FILE.png; a page begins at #SECONDS behind its address")
     refuse_another(target, "-o")
     try:
-        if is_scene:
+        if is_scene and place.is_file():
             scene = _read(place)
-        elif is_result:
-            scene = _of_result(place, context)
+        elif is_result or is_scene:
+            scene = _of_result(*((place, "") if is_result else (place.parent, name)), context)
         else:
             scene = view.scene(_robot(what, context), title=name)
         return scene.write(target, time=time)
     except ArgumentError as error:
         raise InputError(error.message) from error
+
+
+def _inside_a_result(place: Path) -> bool:
+    """True for FOLDER/SCENE of a result folder; there may be no such file. Robots are names, files and FILE:CLASS."""
+    return (
+        len(place.parts) > 1
+        and not place.exists()
+        and ":" not in place.name
+        and (place.parent / written.RESULT).is_file()
+    )
 
 
 def _robot(what: str, context: Context) -> Model:
@@ -75,19 +89,32 @@ def _read(file: Path) -> view.RobotScene:
     return view.RobotScene.of(data)
 
 
-def _of_result(folder: Path, context: Context) -> view.RobotScene:
-    first, *others = [*sorted(folder.glob(f"*{written.SCENE}")), None]
-    if first is not None:
-        for other in filter(None, others):
-            context.notice(f"there is more to see: gtmodel view {shlex.quote(str(other))}")
-        return _read(first)
+def _of_result(folder: Path, name: str, context: Context) -> view.RobotScene:
+    """The scene of that name in a result folder, the first if left out. Raises InputError and ArgumentError."""
+    unsaid = f"{folder / written.RUN} does not say which problem was solved; solve it again, with --plot (plot=True)"
     try:
         run = toml_of((folder / written.RUN).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(unsaid) from error
+    kept = {p.name.removesuffix(written.SCENE): p for p in sorted(folder.glob(f"*{written.SCENE}"))}
+    names = [*(run.get("scenes") or kept)]
+    if name and name not in names:
+        raise InputError(f"has no scene '{name}'; there are {', '.join(names) or 'none'}", file=str(folder))
+    for other in names[1:] if not name else ():
+        context.notice(f"there is more to see: gtmodel view {shlex.quote(str(folder / other))}")
+    chosen = name or next(iter(names), "")
+    if chosen in kept:
+        return _read(kept[chosen])
+    try:
         problem: Any = validate(get(run["problem"]["kind"]).Schema, run["problem"])
         context.folder = Path(run["input"]["problem"]).parent
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{folder / written.RUN} does not say which problem was solved; solve it again") from error
-    stored, kind = reading.read(folder), run["problem"]["kind"]
+        kind, start = run["problem"]["kind"], run["input"].get("start")
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(unsaid) from error
+    stored = reading.read(folder)
+    if names:
+        context.start = earlier_result(Path(start), kind) if start else None
+        return _again(problem, stored, context).view(chosen)
     motion = stored.trajectory
     robot = _model(problem, kind, context) if motion is not None else None
     report = "gtmodel solve --report shows what this result has"
@@ -100,6 +127,16 @@ def _of_result(folder: Path, context: Context) -> view.RobotScene:
         return cautioned(scene, stored.status)
     except ArgumentError as error:
         raise InputError(f"'{kind}' has nothing in space: {error.message}; {report}") from error
+
+
+def _again(problem: Any, stored: Study, context: Context) -> Study:
+    """The study of a result whose scenes were not kept: solved again, which gives the same values, or InputError."""
+    context.notice("the folder keeps no scenes, as with --plot; solving again")
+    study = noted(get(problem.kind).call(problem, context)(**context.work()), context)
+    again = document(result("", None, study))["values"]
+    if again != stored.values or study.status is not stored.status:
+        raise InputError("its files were changed since, or the run was stopped early; solve it again, with --plot")
+    return study
 
 
 def _model(problem: Any, kind: str, context: Context) -> Model | None:

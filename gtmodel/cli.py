@@ -8,9 +8,9 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 # no windows; set before anything imports matplotlib
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -19,6 +19,7 @@ os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 import typer
 from typer.exceptions import TyperException
+from typer.main import get_command
 
 from gtmodel import _terminal as terminal
 from gtmodel._answer import answering, print_json
@@ -177,7 +178,8 @@ def schema(
     from gtmodel.problem_files import editor_schema as described, names
 
     with answering(context, as_json, kind or "schema") as answer:
-        document = answer.data = {"kinds": names()} if kind is None else described.document(kind)
+        document: dict[str, Any] = {"kinds": names()} if kind is None else described.document(kind)
+        answer.data = document
     if as_json:
         return
     if kind is None:
@@ -221,7 +223,9 @@ def solve(
     settings: Set = None,
     out: Out = None,
     as_json: Json = False,
-    plot: Annotated[bool, typer.Option("--plot", help="Draw pictures; into ./NAME-result without --out.")] = False,
+    plot: Annotated[
+        bool, typer.Option("--plot", help="Draw pictures and scenes; into ./NAME-result without --out.")
+    ] = False,
     report: Report = False,
     max_seconds: Annotated[
         float | None, typer.Option(metavar="S", help="Time limit; the best iterate is kept.")
@@ -270,7 +274,15 @@ def new(
             help="Kind, see gtmodel schema; shipped problem, see gtmodel list; or the word model or robot.",
         ),
     ],
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the new file, without ending.")],
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="NAME", help="Name of the new file, without ending; the first word if left out."),
+    ] = None,
+    kind: Annotated[
+        str | None,
+        typer.Option("--kind", metavar="KIND", autocompletion=_beginnings,
+                     help="Kind of a new problem: new problem NAME --kind KIND is new KIND NAME."),
+    ] = None,
     log: Annotated[
         Path | None, typer.Option("--from", metavar="LOG", help="Recording of a calibration: its columns and units.")
     ] = None,
@@ -282,7 +294,8 @@ def new(
     with answering(context, False, what):
         from gtmodel import _new
 
-        paths, command = _new.write(what, name, log)
+        beginning = _new.of_kind(what, kind)
+        paths, command = _new.write(beginning, name or beginning, log)
     for path in paths:
         print(f"wrote {path}")
     print(f"\ntry: {command}")
@@ -302,6 +315,8 @@ def view(
     at: Annotated[float | None, typer.Option("--at", metavar="SECONDS", help="Instant of a .png; the first.")] = None,
 ) -> None:
     """Write a page with a robot in space, each drive moved to and fro, or with the motion or the scene of a result.
+
+    RESULT/NAME is one of several scenes. Those that the folder does not keep, as with --plot, are computed again.
 
     The page is one file that needs no network.
     """
@@ -555,6 +570,9 @@ def _commands() -> set[str]:
     return {c.name or c.callback.__name__ for c in app.registered_commands if c.callback is not None}
 
 
+_whole = cache(lambda: get_command(app))  # for the second call of `main` in a process, as from a notebook
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
@@ -562,7 +580,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     terminal.printable()
     try:
         terminal.interruptible()
-        code = app(args=words, prog_name="gtmodel", standalone_mode=False)
+        code = _whole()(args=words, prog_name="gtmodel", standalone_mode=False)
         sys.stdout.flush()
     except TyperException as error:  # a wrong option, or no command at all
         from gtmodel._near import plain

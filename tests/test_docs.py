@@ -51,7 +51,11 @@ def failed(page: Path, folder: Path, *, long: bool, run: Run | None = None) -> l
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("page", a_fifth([p for p in PAGES if any(not f.long for f in fences(p))], named))
+# tests/sweep starts the same workers
+SHORT = a_fifth([p for p in PAGES if any(not f.long for f in fences(p))], named, later={"howto/sweeps.md"})
+
+
+@pytest.mark.parametrize("page", SHORT)
 def test_what_a_page_shows_runs(page: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """In this process; `make proof` runs the longer pages, and `make docs` all, by processes of their own."""
 

@@ -74,6 +74,8 @@ def test_a_calibration_from_a_log(gtmodel: Commands, tmp_path: Path) -> None:
     )
     assert gtmodel("new", "calibration", "ends", "--from", "ends.csv").code == 0  # the unit is no part of the name
     assert 'T = { column = ["tcp_x_mm", "tcp_y_mm", "tcp_z_mm"], unit = "mm" }' in (tmp_path / "ends.toml").read_text()
+    assert gtmodel("new", "problem", "--kind", "calibration", "--from", "ends.csv").code == 0
+    assert (tmp_path / "calibration.toml").read_text() == (tmp_path / "ends.toml").read_text()
     np.savetxt("bare.csv", rows, "%.4f", ",", header="a,b,c,x,y,z", comments="")
     done = gtmodel("new", "calibration", "other", "--from", "bare.csv")
     assert done.code == 2 and "cannot tell which columns are q" in done.err and not (tmp_path / "other.toml").exists()
@@ -84,6 +86,8 @@ def test_a_calibration_from_a_log(gtmodel: Commands, tmp_path: Path) -> None:
     [
         (("calibratoin", "x"), "did you mean 'calibration'"),
         (("problem", "x"), "gtmodel new calibration x"),
+        (("problem", "x", "--kind", "calibratoin"), "did you mean 'calibration'"),
+        (("model", "x", "--kind", "friction"), "gtmodel new problem --kind friction"),
         (("friction", "there"), "is there already"),
         (("friction", ".."), "cannot be the name"),
         (("calibration", "x", "--from", "empty.csv"), "empty.csv: is empty"),
@@ -95,5 +99,6 @@ def test_what_is_wrong_is_refused(words: tuple[str, ...], said: str, gtmodel: Co
     (tmp_path / "empty.csv").write_text("")
     done = gtmodel("new", *words)
     assert done.code == 2 and said in done.sentence and (tmp_path / "there.toml").read_text() == "mine"
+    kind = words[3] if "--kind" in words else None
     with pytest.raises(InputError):
-        _new.write(words[0], words[1], Path("a") if "--from" in words else None, tmp_path)
+        _new.write(_new.of_kind(words[0], kind), words[1], Path("a") if "--from" in words else None, tmp_path)

@@ -21,8 +21,8 @@ CLONE = Path(__file__).resolve().parents[1]
 FOLDER = CLONE / "notebooks"
 SCRIPTS = sorted(FOLDER.glob("[0-9][0-9]_*.py"))
 # Run at every run, the others in `make proof`: some of those that take little, about models of one's
-# own, workspace, optimization, code and milling.
-AT_EVERY_RUN = {"01", "05", "08", "11", "13"}
+# own, optimization and code.
+AT_EVERY_RUN = {"01", "08", "11"}
 CELL_SECONDS = 300  # a hung cell ends here; no statement about speed
 
 

@@ -58,7 +58,7 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     (site / "dependencies.pth").write_text("\n".join(sorted(folders)) + "\n")
     python = home / "bin" / "python"
     run(sys.executable, "-m", "pip", "--python", python, "install",
-        "--quiet", "--no-deps", "--no-index", "--ignore-installed", wheel, cwd=home)  # fmt: skip
+        "--quiet", "--no-compile", "--no-deps", "--no-index", "--ignore-installed", wheel, cwd=home)  # fmt: skip
     return home / "bin"
 
 

@@ -18,8 +18,8 @@ from tests.theses.table import CLONE, SHOWN, rows
 
 VERDICTS = {"reproduced", "corrected", "refuted", "not checkable"}
 FIELDS = {"id", "where", "what", "printed", "unit", "tolerance", "verdict", "command", "note"}
-LONG = {"table_3_1", "calibrate_f1", "l1_workspace"}
-"""Problems of about five seconds and more: solved by `make proof`."""
+LONG = {"table_3_1", "calibrate_f1", "l1_workspace", "milling_pose"}
+"""Problems of about two seconds and more: solved by `make proof`."""
 ROWS = [pytest.param(row, id=name) for name, row in rows().items()]
 
 

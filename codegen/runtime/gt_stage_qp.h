@@ -7,6 +7,7 @@
 #ifndef GT_STAGE_QP_H
 #define GT_STAGE_QP_H
 
+#include "gt_stage_qp_factor.h"
 #include "gt_stage_qp_limits.h"
 #include "gt_stage_qp_riccati.h"
 #include "gt_stage_qp_sides.h"
@@ -16,8 +17,6 @@
 #define GT_STAGE_QP_AGAIN 1.0
 /* Share of the way to the nearest limit that a step goes. */
 #define GT_STAGE_QP_TO_BOUNDARY 0.995
-/* The gap is not made smaller than this share of its tolerance: weights beyond would only round off. */
-#define GT_STAGE_QP_ENOUGH 0.1
 /* The gradient may be so many times the gap. */
 #define GT_STAGE_QP_GRADIENT 10.0
 
@@ -28,7 +27,7 @@ static inline gt_status gt_stage_qp_status(const gt_stage_qp *f, const gt_stage_
     const double allowed = f->tolerance * (1.0 + fabs(out->cost));
     gt_status status = GT_NOT_CONVERGED;
 
-    if (gt_all_finite(numbers, 4) == 0) {
+    if (gt_stage_qp_finite(numbers, 4) == 0) {
         status = GT_NOT_FINITE;
     } else if ((out->gap <= allowed) && (out->residual <= f->tolerance)
                && (out->gradient <= (GT_STAGE_QP_GRADIENT * allowed))) {
@@ -87,7 +86,7 @@ static inline gt_status gt_stage_qp_solve(const gt_stage_qp_call *c, const doubl
         /* the gap after this step, over the gap: the terms linear in the length add up to -1 */
         ratio = gt_stage_qp_larger((1.0 - length) - (length * (length * (sum / out->gap))), 0.0);
         centre = gt_stage_qp_larger(ratio * (ratio * (ratio * out->gap)),
-                                    GT_STAGE_QP_ENOUGH * (f->tolerance * (1.0 + fabs(out->cost))));
+                                    f->enough * (1.0 + fabs(out->cost)));
         gt_stage_qp_aimed(c, centre / f->products);
         gt_stage_qp_stepped(c);
         length = GT_STAGE_QP_TO_BOUNDARY / gt_stage_qp_larger(gt_stage_qp_changed(c), GT_STAGE_QP_TO_BOUNDARY);

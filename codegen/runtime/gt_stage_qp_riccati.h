@@ -5,7 +5,7 @@
 #include "gt_stage_qp_types.h"
 
 /* a + length * b in place */
-static inline void gt_stage_qp_moved(double *a, const double *b, double length, int size)
+static GT_SHARED void gt_stage_qp_moved(double *a, const double *b, double length, int size)
 {
     int k;
 
@@ -14,13 +14,13 @@ static inline void gt_stage_qp_moved(double *a, const double *b, double length, 
     }
 }
 
-/* Bounds of the limits; states and rows of the inputs. */
+/* Bounds of the limits, entries of the rows; states and rows of the inputs. */
 static inline void gt_stage_qp_followed(const gt_stage_qp_call *c)
 {
     const gt_stage_qp *f = c->f;
     const gt_stage_qp_work *w = c->w;
     const double *arg[3];
-    double *res[2];
+    double *res[3];
     int k;
     int j;
 
@@ -29,7 +29,8 @@ static inline void gt_stage_qp_followed(const gt_stage_qp_call *c)
 
         arg[0] = (k < f->count) ? &c->data[k * f->stage.numbers] : c->last_data;
         res[0] = w->bound;
-        res[1] = w->gradient;
+        res[1] = &w->entries[k * f->stage.entries];
+        res[2] = w->gradient;
         (void)s->given(arg, res, 0, 0, 0);
         for (j = 0; j < s->limits; j++) {
             w->limits[(k * f->stage.limits) + j].bound = w->bound[j];
@@ -46,7 +47,7 @@ static inline void gt_stage_qp_followed(const gt_stage_qp_call *c)
 }
 
 /* Derivatives of the cost by states and inputs. Returns the cost without prices. */
-static inline double gt_stage_qp_graded(const gt_stage_qp_call *c)
+static GT_SHARED double gt_stage_qp_graded(const gt_stage_qp_call *c)
 {
     const gt_stage_qp *f = c->f;
     const gt_stage_qp_work *w = c->w;
@@ -71,48 +72,8 @@ static inline double gt_stage_qp_graded(const gt_stage_qp_call *c)
     return total;
 }
 
-/* Gains of the inputs. GT_SINGULAR if a pivot is too small. */
-static inline gt_status gt_stage_qp_factored(const gt_stage_qp_call *c)
-{
-    const gt_stage_qp *f = c->f;
-    const gt_stage_qp_work *w = c->w;
-    const int below = (f->inputs * (f->inputs - 1)) / 2;
-    const double *arg[3];
-    double *res[5];
-    double *now = w->hessian;
-    double *before = &w->hessian[(f->states * (f->states + 1)) / 2];
-    int k;
-    int j;
-
-    arg[0] = c->last_data;
-    arg[1] = &w->weight[f->count * f->stage.rows];
-    res[0] = now;
-    (void)f->last.factor(arg, res, 0, 0, 0);
-    for (k = f->count - 1; k >= 0; k--) {
-        double *swap = now;
-
-        arg[0] = &c->data[k * f->stage.numbers];
-        arg[1] = &w->weight[k * f->stage.rows];
-        arg[2] = now;
-        res[0] = before;
-        res[1] = &w->gain[k * f->inputs * f->states];
-        res[2] = &w->lower[k * below];
-        res[3] = &w->inverse[k * f->inputs];
-        res[4] = w->part;
-        (void)f->stage.factor(arg, res, 0, 0, 0);
-        for (j = 0; j < f->inputs; j++) {
-            if (!(w->part[j] > 0.0)) {
-                return GT_SINGULAR;
-            }
-        }
-        now = before;
-        before = swap;
-    }
-    return GT_OK;
-}
-
 /* Derivatives by the state and the inputs of stage k for the slopes of the rows; g: by the state after it. */
-static inline void gt_stage_qp_pulled(const gt_stage_qp_call *c, int k, const double *g, double *h)
+static GT_SHARED void gt_stage_qp_pulled(const gt_stage_qp_call *c, int k, const double *g, double *h)
 {
     const gt_stage_qp *f = c->f;
     const gt_stage_qp_work *w = c->w;
@@ -154,14 +115,62 @@ static inline double gt_stage_qp_sloped(const gt_stage_qp_call *c)
     return total;
 }
 
+/* Changes of the inputs of stage k at dx = 0, where its derivatives are g and w->part, and the inputs before it stay; g
+ * becomes the derivatives by the state, the inputs chosen so. */
+static inline void gt_stage_qp_offset(const gt_stage_qp_call *c, int k, double *g)
+{
+    const gt_stage_qp *f = c->f;
+    const gt_stage_qp_work *w = c->w;
+    const double *gain = &w->gain[(k + 1) * f->gains];
+    int j;
+
+    for (j = f->inputs - 1; j >= 0; j--) {
+        const double by = w->part[j];
+        int i;
+
+        gain -= f->states + j;
+        w->offset[(k * f->inputs) + j] = by * w->inverse[(k * f->inputs) + j];
+        for (i = 0; i < f->states; i++) {
+            g[i] += gain[i] * by;
+        }
+        for (i = 0; i < j; i++) {
+            w->part[i] += gain[f->states + i] * by;
+        }
+    }
+}
+
+/* Changes of the inputs of stage k from that of its state. */
+static inline void gt_stage_qp_fed(const gt_stage_qp_call *c, int k)
+{
+    const gt_stage_qp *f = c->f;
+    const double *gain = &c->w->gain[k * f->gains];
+    const double *dx = &c->w->dx[k * f->states];
+    double *du = &c->w->du[k * f->inputs];
+    int j;
+
+    for (j = 0; j < f->inputs; j++) {
+        double sum = c->w->offset[(k * f->inputs) + j];
+        int i;
+
+        for (i = 0; i < f->states; i++) {
+            sum += gain[i] * dx[i];
+        }
+        gain = &gain[f->states];
+        for (i = 0; i < j; i++) {
+            sum += gain[i] * du[i];
+        }
+        gain = &gain[j];
+        du[j] = sum;
+    }
+}
+
 /* Changes of the inputs, the states and the rows for the slopes of the rows. */
 static inline void gt_stage_qp_stepped(const gt_stage_qp_call *c)
 {
     const gt_stage_qp *f = c->f;
     const gt_stage_qp_work *w = c->w;
     const int n = f->states;
-    const int m = f->inputs;
-    const double *arg[5];
+    const double *arg[3];
     double *res[2];
     double *now = w->gradient;
     double *before = &w->gradient[n];
@@ -169,28 +178,21 @@ static inline void gt_stage_qp_stepped(const gt_stage_qp_call *c)
 
     gt_stage_qp_pulled(c, f->count, 0, now);
     for (k = f->count - 1; k >= 0; k--) {
+        double *swap = now;
+
         gt_stage_qp_pulled(c, k, now, before);
-        arg[0] = before;
-        arg[1] = w->part;
-        arg[2] = &w->gain[k * m * n];
-        arg[3] = &w->lower[k * ((m * (m - 1)) / 2)];
-        arg[4] = &w->inverse[k * m];
-        res[0] = now;
-        res[1] = &w->offset[k * m];
-        (void)f->stage.offset(arg, res, 0, 0, 0);
+        gt_stage_qp_offset(c, k, before);
+        now = before;
+        before = swap;
     }
     for (k = 0; k < n; k++) {
         w->dx[k] = 0.0;
     }
     for (k = 0; k < f->count; k++) {
-        arg[0] = &w->dx[k * n];
-        arg[1] = &w->gain[k * m * n];
-        arg[2] = &w->offset[k * m];
-        res[0] = &w->du[k * m];
-        (void)f->stage.feed(arg, res, 0, 0, 0);
-        arg[2] = res[0];
-        arg[1] = arg[0];
+        gt_stage_qp_fed(c, k);
         arg[0] = &c->data[k * f->stage.numbers];
+        arg[1] = &w->dx[k * n];
+        arg[2] = &w->du[k * f->inputs];
         res[0] = &w->dy[k * f->stage.rows];
         res[1] = &w->dx[(k + 1) * n];
         (void)f->stage.move(arg, res, 0, 0, 0);

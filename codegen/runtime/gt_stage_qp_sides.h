@@ -33,7 +33,7 @@ static inline void gt_stage_qp_begun(const gt_stage_qp_call *c, double centre)
 }
 
 /* t with t - 1 / t = d */
-static inline double gt_stage_qp_centred(double d)
+static GT_SHARED double gt_stage_qp_centred(double d)
 {
     const double root = sqrt((d * d) + 4.0);
 

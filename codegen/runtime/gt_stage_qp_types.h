@@ -17,6 +17,9 @@ typedef struct gt_stage_qp_stage {
     int limits; /* sign * row >= bound */
     int soft;
     int sides; /* distances, multipliers, excesses and their multipliers */
+    int entries; /* of all rows, each from its first entry other than zero to its last */
+    const int *first; /* variable of each row: states, then inputs */
+    const int *size;
     const int *row;
     const double *sign;
     const double *price; /* linear and quadratic one of each soft limit */
@@ -25,8 +28,6 @@ typedef struct gt_stage_qp_stage {
     gt_stage_qp_kernel pull;
     gt_stage_qp_kernel move;
     gt_stage_qp_kernel factor;
-    gt_stage_qp_kernel offset;
-    gt_stage_qp_kernel feed;
 } gt_stage_qp_stage;
 
 /* A problem: `count` stages with an input, then one without. */
@@ -34,9 +35,11 @@ typedef struct gt_stage_qp {
     int count;
     int states;
     int inputs;
+    int gains; /* of all inputs of a stage */
     int max_iterations;
     double products; /* number of limits and excesses of all stages */
     double tolerance;
+    double enough; /* the gap is not made smaller, relative to 1 + |cost|: weights beyond would only round off */
     gt_stage_qp_stage stage;
     gt_stage_qp_stage last;
 } gt_stage_qp;
@@ -83,11 +86,11 @@ typedef struct gt_stage_qp_work {
     double *slope;
     double *by_x; /* derivatives of the cost */
     double *by_u;
+    double *entries; /* of the rows */
     double *gain;
     double *offset; /* of the inputs */
-    double *lower;
-    double *inverse;
-    double *part; /* pivots, or derivatives by the inputs, of one stage */
+    double *inverse; /* of the pivots, with the other sign */
+    double *part; /* of the inputs of one stage: least pivots, or derivatives */
     double *hessian; /* two */
     double *gradient; /* two */
 } gt_stage_qp_work;
@@ -123,7 +126,7 @@ typedef struct gt_stage_qp_place {
 } gt_stage_qp_place;
 
 /* The limits of stage k. */
-static inline gt_stage_qp_place gt_stage_qp_at(const gt_stage_qp_call *c, int k)
+static GT_SHARED gt_stage_qp_place gt_stage_qp_at(const gt_stage_qp_call *c, int k)
 {
     const gt_stage_qp_stage *s = &c->f->stage;
     const gt_stage_qp_work *w = c->w;
@@ -139,6 +142,17 @@ static inline gt_stage_qp_place gt_stage_qp_at(const gt_stage_qp_call *c, int k)
     at.weight = &w->weight[k * s->rows];
     at.slope = &w->slope[k * s->rows];
     return at;
+}
+
+/* gt_all_finite and gt_copy for the many calls of one step: one copy of them. */
+static GT_SHARED int gt_stage_qp_finite(const double *x, int n)
+{
+    return gt_all_finite(x, n);
+}
+
+static GT_SHARED void gt_stage_qp_copy(double *to, const double *from, int n)
+{
+    gt_copy(to, from, n);
 }
 
 /* The larger number, and b if a is none. */

@@ -12,13 +12,13 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import re
 import sys
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
+from check_text import Refused, guarded, headers, operations
 from flint import arb, ctx
 
 ctx.prec, MOST, LIBM_ULP = 100, 400_000, 4  # bits; boxes for one function; error of libm in units in the last place
@@ -26,69 +26,10 @@ ARITHMETIC = {  # round-off, smallest and largest number
     "double": (arb(2) ** -53, arb(2) ** -1074, (2 - arb(2) ** -52) * arb(2) ** 1023),
     "float": (arb(2) ** -24, arb(2) ** -149, (2 - arb(2) ** -23) * arb(2) ** 127),
 }
-_BODY = re.compile(r"^/\* \w+:[^\n]*\*/\nstatic int (casadi_f\d+)\([^\n]*\{\n(.*?)\n\}$", re.M | re.S)
-_EXPORTED = re.compile(r"^CASADI_SYMBOL_EXPORT int (\w+)\([^\n]*\)\{\n  return (casadi_f\d+)\(", re.M)
-_NUMBER = r"-?(?:\d+\.\d*|\d+)(?:[eE][-+]?\d+)?f?"
-_PASSED = re.compile(r"  (casadi_real [\w, ]+;|\(void\)\w+;|return 0;)")
-_GIVEN = re.compile(r"  (\w+)=arg\[(\d+)\]\[(\d+)\];")
-_RESULT = re.compile(r"  res\[(\d+)\]\[(\d+)\]=(\w+);")
-_CONSTANT = re.compile(rf"  (\w+)=({_NUMBER});")
-_BINARY = re.compile(r"  (\w+)=\((\w+)([-+*/])(\w+)\);")
-_UNARY = {
-    "twice": re.compile(r"  (\w+)=\(2\.0?f?\*(\w+)\);"),
-    "inverse": re.compile(r"  (\w+)=\(1\.0?f?/(\w+)\);"),
-    "neg": re.compile(r"  (\w+)=\(- ?(\w+)\);"),
-}
-_CALL = re.compile(r"  (\w+)=(\w+)\((\w+)(?:,(\w+))?\);")
-_CALLS = re.compile(r"(?:casadi_)?(sq|fmin|fmax|sqrt|fabs|sin|cos|tanh|atan2|atan|asin|acos)f?")
-_HELPER = re.compile(r"casadi_real casadi_(\w+)\([^)]*\) *\{ *([^}]*?) *\}")
-_HELPERS = {"sq": "return x*x;", "fabs": "return fabs(x);", "fmin": "return (x <= y || y != y) ? x : y;",
-            "fmax": "return (x >= y || y != y) ? x : y;"}  # fmt: skip
-_DEFINED = re.compile(r"# *define (\w+)(.*)")
-
-
-class Refused(Exception):
-    """A statement that does not hold, or cannot be checked."""
 
 
 class Undecided(Exception):
     """A statement is open over this box, perhaps since an operation may be undefined: the box is cut."""
-
-
-def operations(text: str, real: str) -> dict[str, list[tuple]]:
-    """Return the operations of every body by its C symbol: (operator, target, operands)."""
-    for name, helper in _HELPER.findall(text):
-        if _HELPERS.get(name, helper) != helper.replace("fabsf", "fabs"):
-            raise Refused(f"casadi_{name} is not the function of this name")
-    for name, value in _DEFINED.findall(text):
-        if not name.lower().strip("_").startswith("casadi") or (name == "casadi_real" and value.strip() != real):
-            raise Refused(f"the macro {name} is not expected in code in {real}")
-    bodies = dict(_BODY.findall(text))
-    return {symbol: _read(symbol, bodies[name]) for symbol, name in _EXPORTED.findall(text) if name in bodies}
-
-
-def _read(symbol: str, body: str) -> list[tuple]:
-    steps: list[tuple] = []
-    for line in body.split("\n"):
-        if _PASSED.fullmatch(line):
-            continue
-        if m := _GIVEN.fullmatch(line):
-            steps.append(("in", m[1], int(m[2]), int(m[3])))
-        elif m := _RESULT.fullmatch(line):
-            steps.append(("out", m[3], int(m[1]), int(m[2])))
-        elif m := _CONSTANT.fullmatch(line):
-            steps.append(("const", m[1], m[2]))
-        elif line == "  if (res[1] == 0) { return 0; }":  # of a kernel, whose residual must come before
-            steps.append(("const", "stop", "0.0"))
-        elif found := [(op, *m.groups()) for op, pattern in _UNARY.items() if (m := pattern.fullmatch(line))]:
-            steps.append(found[0])
-        elif m := _BINARY.fullmatch(line):
-            steps.append((m[3], m[1], m[2], m[4]))
-        elif (m := _CALL.fullmatch(line)) and (name := _CALLS.fullmatch(m[2])):
-            steps.append((name[1], m[1], *[x for x in (m[3], m[4]) if x]))
-        else:
-            raise Refused(f"{symbol}: cannot read the operation '{line.strip()}'")
-    return steps
 
 
 class Value(NamedTuple):
@@ -162,10 +103,13 @@ class Machine:
                 raise Undecided
             e = a.e / (1 - most**2).sqrt() if op[1:] in ("sin", "cos") else a.e
             return (f(a.x.lower()).union(f(a.x.upper())), e, libm)
+        if op == "floor":
+            x = (a.x.lower() - a.e).floor().lower().union((a.x.upper() + a.e).floor().upper())
+            return (x, x.upper() - x.lower(), 0)
         if op == "atan2":
             y, x = ((g.x.lower() - g.e).union(g.x.upper() + g.e) for g in (a, b))
-            if not (x.lower() > 0 or y.lower() > 0 or y.upper() < 0):
-                raise Undecided
+            if not (x.lower() > 0 or y.lower() > 0 or y.upper() < 0):  # the cut, where a signed zero decides
+                return (arb.pi().union(-arb.pi()), 2 * arb.pi(), libm)
             near = (x.abs_lower() ** 2 + y.abs_lower() ** 2).sqrt().lower()
             return (_corners(arb.atan2, a.x, b.x), (a.e + b.e) / near, libm)
         if op in ("twice", "neg", "fabs"):
@@ -276,19 +220,18 @@ def main(folder: Path) -> None:
     body = (folder / certificate["body"]).read_text()
     if hashlib.sha256(body.encode()).hexdigest() != certificate["body_sha256"] or not manifest["certificate"]["proved"]:
         raise Refused(f"the certificate is not one of this {certificate['body']}")
-    bodies, entries = operations(body, manifest["real"]), {e["symbol"]: e for e in manifest["functions"]}
-    wrapper, limits = (folder / f"gt_{manifest['name']}.c").read_text(), [manifest["pivot_tolerance"]]
-    limits += [m["scale"] for e in entries.values() for m in e["margins"]]
-    for x in map(float, re.findall(r"GT_PIVOT_TOLERANCE (?:\* |\()([-+.\de]+)", wrapper)):
-        if not any(abs(x - y) <= 1e-6 * x for y in limits):
-            raise Refused(f"the manifest lacks the limit {x} of the code")
-    for symbol, stated in manifest["certificate"]["proved"].items():
-        known = symbol, entries[symbol], stated | certificate["functions"][symbol]
+    headers(folder, manifest["name"])
+    proved, entries = manifest["certificate"]["proved"], {e["symbol"]: e for e in manifest["functions"]}
+    bodies = operations(body, manifest["real"], proved)
+    wrapper, tolerance = (folder / f"gt_{manifest['name']}.c").read_text(), manifest["pivot_tolerance"]
+    for symbol, stated in proved.items():
+        places = certificate["functions"][symbol]  # what is claimed stands in the manifest alone
+        known = symbol, entries[symbol], stated | {key: places[key] for key in ("boxes", "starts") if key in places}
+        guarded(entries[symbol], wrapper, tolerance)
         if "state" in entries[symbol]:
-            texts = [wrapper, (folder / "gt_newton.h").read_text()]
-            count = import_module("check_newton").checked(*known, bodies, texts, manifest["pivot_tolerance"])
+            count = import_module("check_newton").checked(*known, bodies, wrapper, tolerance)
         else:
-            count = checked(*known, bodies[f"{symbol}_body"], manifest["real"], manifest["pivot_tolerance"])
+            count = checked(*known, bodies[f"{symbol}_body"], manifest["real"], tolerance)
         print(f"{symbol}: proved in {count} boxes")
 
 

@@ -56,6 +56,10 @@ def _unary(op: str, a: Jet, order: int) -> Jet:
         if x.contains(0):
             raise Undecided
         return a if x > 0 else _scaled(a, -x, -1, None, order)
+    if op == "floor":
+        if not (x.floor().is_exact() and x > x.floor()):
+            raise Undecided
+        return Jet(x.floor(), {}, {})
     root, t = (x.sqrt(), x) if op == "sqrt" else (x, x.tanh() if op == "tanh" else x)
     value, slope, bend = {
         "neg": lambda: (-x, -1, None), "twice": lambda: (2 * x, 2, None),
@@ -69,6 +73,9 @@ def _unary(op: str, a: Jet, order: int) -> Jet:
 
 
 def _angle(y: Jet, x: Jet, order: int) -> Jet:
+    if x.x < 0 and not (y.x > 0 or y.x < 0):  # across the cut, where the angle jumps by a turn but no derivative does
+        slopes = _unary("atan", _times(y, _unary("inverse", x, order), order), order)
+        return slopes._replace(x=arb.pi().union(-arb.pi()))
     if not (x.x > 0 or y.x > 0 or y.x < 0):
         raise Undecided
     if x.x > 0:

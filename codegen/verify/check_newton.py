@@ -13,25 +13,15 @@ import math
 import re
 from collections.abc import Iterator
 
-from check_certificate import ARITHMETIC, Machine, Refused, Undecided, Value, framed, halves, outside, passes
+from check_certificate import ARITHMETIC, Machine, Undecided, Value, framed, halves, outside, passes
 from check_derivatives import Derivatives, Jet, between, inverse, least_singular_value, most, norm, split
+from check_text import Refused, function, tests
 from flint import arb, arb_mat
 
-# largest distance of an answer from the solution, largest round-off of a step, and largest part of the distance that a
-# step leaves: with these every step passes the tests of gt_newton.h, which has the constants below
-ANSWER, QUIET, SHRINKING = arb("1e-9"), arb("5e-12"), arb("0.14")
-STEPS, REACH = 4, arb("0.5")
-PINNED = ("STEPS 4", "REACH 0.5", "CONTRACTION 0.25", "ROUND_OFF 1e-10")
+ANSWER = arb("1e-9")  # largest distance of an answer from the solution
+STEPS, REACH, CONTRACTION, ROUND_OFF, SLACK = 4, arb("0.5"), arb("0.25"), arb("1e-10"), arb("1e-6")  # of gt_newton.h
 MOST = 50_000  # boxes for one function
 UNIT = ARITHMETIC["double"][0]
-
-
-def _function(text: str, head: str) -> str:
-    """Return the text of a C function."""
-    found = text.split(f"\n{head}")
-    if len(found) != 2:
-        raise Refused(f"cannot find {head}...)")
-    return found[1].split("\n}\n")[0]
 
 
 def _numbers(text: str, name: str) -> list[float]:
@@ -39,28 +29,14 @@ def _numbers(text: str, name: str) -> list[float]:
     return [float(x) for x in found[1].split(",")] if found else []
 
 
-def _tests(text: str) -> list[tuple[int, str, float]]:
-    """Return the tests of margins in a C function: (margin, kind, scale)."""
-    above = r"margins\[(\d+)\] > \(GT_PIVOT_TOLERANCE \* ([-+.\de]+)\)"
-    tests = [(int(n), "discriminant", 0.0) for n in re.findall(r"if \(!\(margins\[(\d+)\] >= 0\.0\)\) \{", text)]
-    tests += [(int(n), "branch", float(x)) for n, x in re.findall(rf"if \(!\({above}\)\) \{{", text)]
-    both = rf"if \(!\(\({above}\) \|\|\s+\(margins\[\1\] < -\(GT_PIVOT_TOLERANCE \* \2\)\)\)\) \{{"
-    pivots = [(int(n), "pivot", float(x)) for n, x in re.findall(both, text)]
-    if len(re.findall(r"[^e]margins\[", text)) != 1 + len(tests) + 2 * len(pivots):
-        raise Refused("a test of a margin cannot be read")
-    return tests + pivots
-
-
 class Newton:
-    """A function with one Newton block: the operations `bodies` by symbol, its C text and that of gt_newton.h."""
+    """A function with one Newton block: the operations `bodies` by symbol, and its C text."""
 
-    def __init__(self, symbol: str, entry: dict, stated: dict, bodies: dict, wrapper: str, header: str) -> None:
-        if any(f"#define GT_NEWTON_{x}\n" not in header for x in PINNED):
-            raise Refused("gt_newton.h has other constants than this checker knows")
+    def __init__(self, symbol: str, entry: dict, stated: dict, bodies: dict, wrapper: str) -> None:
         name, self.stated, self.entry = entry["name"], stated, entry
-        solve = _function(wrapper, f"static gt_status solve_{name}0(")
-        whole = _function(wrapper, f"gt_status {symbol}(")
-        self.before, self.after = _tests(solve), _tests(whole)
+        solve = function(wrapper, f"static gt_status solve_{name}0(")
+        whole = function(wrapper, f"gt_status {symbol}(")
+        self.before, self.after = tests(solve), tests(whole)
         nominal, largest = (_numbers(solve, what) for what in ("nominal", "largest"))
         call = rf"return solve\({symbol}_kernel0, arg, res, iw, w, (\d+), nominal, largest, ([-+.\de]+), z, marks\);"
         given = re.search(call, solve)
@@ -237,7 +213,7 @@ class Newton:
         e, shrinking = start, half * start + drift + 2 * spoilt
         for _ in range(STEPS):
             e = most([(half * e + drift + 2 * spoilt) * e + quiet])
-        good = shrinking <= SHRINKING and start * (1 + SHRINKING) + quiet <= REACH and quiet <= QUIET and e <= ANSWER
+        good = shrinks(shrinking, quiet) and start * (1 + shrinking) + quiet <= REACH * (1 - SLACK) and e <= ANSWER
         good = good and plain > 0 and plain / most(size) > self.least * (1 + arb(2) ** -20) + perturbed
         if not (good and self.rows * e + noise <= self.limit):
             raise Undecided
@@ -263,9 +239,22 @@ class Newton:
                 raise Undecided
 
 
-def checked(symbol: str, entry: dict, stated: dict, bodies: dict, texts: list[str], tolerance: float) -> int:
+def shrinks(left: arb, quiet: arb) -> bool:
+    """Return whether steps that leave at most `left` of the distance e, and `quiet` of round-off, pass the code's test.
+
+    A step has at least (1 - left) e - 2 quiet, the next one at most (1 + left) (left e + quiet) + 2 quiet; it is tested
+    only above the limit of the round-off, which bounds e from below.
+    """
+    following = (ROUND_OFF - 2 * quiet) / (1 + left) - quiet
+    if not following > 0:
+        return False
+    t = quiet * left / following
+    return (1 + left) * (left + t) + 2 * t <= CONTRACTION * (1 - left - 2 * t) * (1 - SLACK)
+
+
+def checked(symbol: str, entry: dict, stated: dict, bodies: dict, wrapper: str, tolerance: float) -> int:
     """Check one function over boxes, each with about the solution at its midpoint; return their number."""
-    function, (boxes, whole), count = Newton(symbol, entry, stated, bodies, *texts), framed(symbol, entry, stated), 0
+    function, (boxes, whole), count = Newton(symbol, entry, stated, bodies, wrapper), framed(symbol, entry, stated), 0
     waiting = [(a, b, z) for (a, b), z in zip(boxes, stated["starts"], strict=True)]
     solved: list[tuple] = []
     while waiting:

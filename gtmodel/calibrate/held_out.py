@@ -269,7 +269,7 @@ PLACES = {"offset": ".offset", "scale": ".scale", "device": ".device.", "target"
 
 def of_its_own(m: Measurements, refit: Refit, actuators: str) -> Measurements:
     """Return the poses with the actuator corrections that are refitted, even if the fit has none."""
-    flags = {what: True for what in ("offset", "scale") if what in refit.what}
+    flags: dict[str, Any] = {what: True for what in ("offset", "scale") if what in refit.what}
     if not flags:
         return m
     correction = next((c for c in m.corrections if c.signal == actuators), Correction(actuators))

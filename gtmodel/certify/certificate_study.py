@@ -85,7 +85,9 @@ def study(
     prover: ClosedFormProver | NewtonProver
     if function.kernels:
         if real != "double":
-            raise ArgumentError(f"{function.name} has a Newton block, whose proofs are in double; leave it out", "real")
+            raise ArgumentError(
+                f"{function.name} uses Newton's method, which is certified in double only; leave out real", "real"
+            )
         prover = NewtonProver(function, claims, None if moving is None else _away(function, moving), regular)
     else:
         if moving is not None:
@@ -260,7 +262,9 @@ def _word(refuted: bool, good: Array, share: Array) -> str:
 
 
 def _at(names: Sequence[str], point: Array) -> str:
-    return "(" + ", ".join(f"{n} = {x:.6g}" for n, x in zip(names, point, strict=True)) + ")"
+    # all digits of a number that has more than six: the point before it may be a good one
+    texts = [short if float(short := f"{x:.6g}") == x else repr(float(x)) for x in point]
+    return "(" + ", ".join(f"{n} = {x}" for n, x in zip(names, texts, strict=True)) + ")"
 
 
 def _opposite(prover: ClosedFormProver, leaves: Leaves) -> tuple[Array, Array] | None:

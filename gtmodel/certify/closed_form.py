@@ -12,7 +12,7 @@ from ..compiler.analysis.sizes import Sizes
 from ..compiler.causal import CausalFunction
 from ..compiler.rows import map_columns
 from .claims import REGULAR, STATUS, Claim, status_claims
-from .intervals import Array, Interval
+from .intervals import JUMPS, Array, Interval
 from .regularity import least_singular_value
 from .rounding import ARITHMETICS, GROWN, Arithmetic
 from .subdivision import SHORTEST, Decision, Leaves, sharpened
@@ -47,7 +47,15 @@ class ClosedFormProver:
         self._used = sorted({c.output for c in self.rows})
         self._centred = MeanValue(self.tape, self._used)
         self._jacobian = with_jacobian(self.tape, range(self.targets))[1] if regular else None
+        # inputs along which a box is cut until the Jacobian is regular
+        jumps = [self.tape.depending(k) for k, s in enumerate(self.tape.steps) if s.op in JUMPS]
+        self._bent = np.logical_or.reduce([*jumps, self._jacobian.varying]) if self._jacobian else np.zeros(0, bool)
         self._curved = None if self._jacobian is None else MeanValue(self._jacobian, range(self._jacobian.outputs))
+
+    @property
+    def operations(self) -> set[int]:
+        """The operations of the code, by CasADi's numbers."""
+        return {s.op for s in self.tape.steps}
 
     def decide(self, lo: Array, hi: Array, whole: Array) -> Decision:
         """Judge boxes; what natural interval evaluation leaves open is tried with the mean-value form."""
@@ -96,11 +104,14 @@ class ClosedFormProver:
         return [s.size for s in self.function.inputs]
 
     def _regular(self, lo: Array, hi: Array) -> Array:
-        """Return lower bounds (n,) of the smallest singular value; NaN where a singular pose cannot be excluded."""
+        """Return lower bounds (n,) of the smallest singular value; NaN where a singular pose cannot be excluded, or
+        where there may be no Jacobian: at a jump or a corner, also one on a face, so the boxes are made wider."""
         assert self._jacobian is not None and self._curved is not None
+        lo, hi = np.nextafter(lo, -np.inf), np.nextafter(hi, np.inf)
         e = self._jacobian.over(lo, hi)
-        least = least_singular_value(self._matrices(e.lo, e.hi))
-        rest = np.flatnonzero(~np.isnan(e.lo).any(axis=0) & e.continuous)
+        smooth = e.decided & self.tape.over(lo, hi).decided
+        least = np.where(smooth, least_singular_value(self._matrices(e.lo, e.hi)), np.nan)
+        rest = np.flatnonzero(~np.isnan(e.lo).any(axis=0) & e.continuous & smooth)
         if rest.size:
             at, slopes, way = self._curved.parts(lo[:, rest], hi[:, rest])
             shape = (self.tape.inputs, self.targets, self.tape.inputs, -1)
@@ -156,7 +167,7 @@ class ClosedFormProver:
             score[:, here] = self.tape.depending(int(step))[:, None] * width[:, here]
         if self._jacobian is not None:
             here = (score.max(axis=0) == 0) & (states[-1] == 0)
-            score[:, here] = self._jacobian.varying[:, None] * width[:, here]
+            score[:, here] = self._bent[:, None] * width[:, here]
         side = np.argmax(score, axis=0)
         chosen = np.take_along_axis(width, side[None], axis=0)[0]
         return np.where((score.max(axis=0) > 0) & (chosen > SHORTEST), side, -1)
@@ -176,6 +187,8 @@ class ClosedFormProver:
         with np.errstate(over="ignore"):
             small = np.where(self.sizes.within([self.real.array(c) for c in columns]), 1, -1)
         states = np.array([small, *rows, finite])
+        # a point that is no number of the code stands for another one, perhaps outside of the box
+        states = np.where((self.real.array(points) == points).all(axis=0), states, np.maximum(states, 0))
         return states if self._jacobian is None else np.vstack([states, np.zeros((1, points.shape[1]), dtype=int)])
 
     def bounds(self, leaves: Leaves, good: Array, wide: Array) -> tuple[Array, Array, Array, Array]:

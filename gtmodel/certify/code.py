@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from .._files import codegen_dir
@@ -21,14 +22,21 @@ from ..results.check import Check
 from .certificate import PROVED, InputSpeed
 from .claims import entries
 from .closed_form import ClosedFormProver
-from .newton_form import NewtonProver
+from .newton_form import ANSWER, NewtonProver
 from .subdivision import Leaves, least_singular, subdivide
 
-FILE, CHECKER, PARTS = "certificate.json", "check_certificate.py", ("check_derivatives.py", "check_newton.py")
+FILE, CHECKER = "certificate.json", "check_certificate.py"
+PARTS = ("check_text.py", "check_derivatives.py", "check_newton.py")
 FORMAT = "gtmodel-certificate-2"
 MAX_BOXES, SHARPENING = 20_000, 200
 # the stated bounds are above the proved ones, and the ranges wider, since the checker encloses less tightly
 ABOVE, WIDER = 1.5, 0.25
+# operations that the checker reads
+_READ = frozenset([
+    ca.OP_CONST, ca.OP_INPUT, ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_SQ, ca.OP_TWICE, ca.OP_INV, ca.OP_NEG,
+    ca.OP_SQRT, ca.OP_SIN, ca.OP_COS, ca.OP_TANH, ca.OP_ATAN, ca.OP_ATAN2, ca.OP_ASIN, ca.OP_ACOS, ca.OP_FABS,
+    ca.OP_FMIN, ca.OP_FMAX, ca.OP_FLOOR,
+])  # fmt: skip
 _README = """
 ## Proved
 
@@ -83,12 +91,14 @@ class Statements:
         for symbol, entry in self._by_symbol(self.functions).items():
             bounds = ", ".join(f"{n} {e:.3g}" for n, e in zip(entry["outputs"], entry["errors"], strict=True))
             one = "has one solution in this assembly mode"
-            solved = f"{one}; where it returns one" if entry["newton"] else "returns GT_OK"
+            near = f"{one}; where it returns GT_OK within {ANSWER:g} of it, in nominal sizes of the unknowns"
+            solved = near if entry["newton"] else "returns GT_OK"
             if "speed" in entry:
                 speeds = ", ".join(f"{n} by {v:g}" for n, v in entry["speed"].items())
                 solved = f"{one}, and returns GT_OK from its last answer with a call every {entry['period']:g} s, "
                 solved += f"while inputs change in a second by at most {speeds}"
-            line = f"- `{symbol}` {solved}; the outputs differ from the exact ones by at most {bounds} (SI units)"
+            comma = "," if solved is near else ";"
+            line = f"- `{symbol}` {solved}{comma} the outputs differ from the exact ones by at most {bounds} (SI units)"
             if "least_singular_value" in entry:
                 least = entry["least_singular_value"]
                 line += f"; no pose is singular, the smallest singular value of the Jacobian is at least {least:.3g}"
@@ -120,6 +130,9 @@ def statements(
         lo, hi = np.array(intervals).T
         try:
             prover = _prover(f, real, moving, key in regular)
+            if unread := sorted(prover.operations - _READ):
+                names = {getattr(ca, n): n for n in dir(ca) if n.startswith("OP_")}
+                raise ArgumentError(f"{CHECKER} cannot read its operation {names[unread[0]]}", "function")
         except ArgumentError as error:
             left_out[key] = error.message
             continue
@@ -140,7 +153,7 @@ def _prover(f: CausalFunction, real: str, moving: InputSpeed | None, regular: bo
     if not f.kernels:  # decided by natural evaluation, as the checker does it
         return ClosedFormProver(f, [], regular, real=real_of(real), centred=False)
     if real != "double":
-        raise ArgumentError(f"{f.name} has a Newton block, whose proofs are in double", "real")
+        raise ArgumentError(f"{f.name} uses Newton's method in float; it is certified in double only", "real")
     names = [s.name for s in f.inputs]
     away = None
     if moving is not None and all(n in moving.speed for n in names):

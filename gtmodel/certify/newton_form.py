@@ -29,10 +29,7 @@ from .tube import KernelDerivatives, Surroundings, Tube
 
 ONE = Claim(SOLVED, "exactly one solution in the region of the assembly mode")
 REACHED = Claim(SOLVED, "Newton's method of the code reaches it from the answer of the last cycle")
-# largest beta L e / 2 with which the steps shrink as the code demands, with room for round-off
-SHRINKING = 0.14
-# largest round-off of a step, in nominals: beside the limit below which the code lets steps grow
-QUIET = 5e-12
+SLACK = 1e-6  # of the tests of steps, far above the round-off of their bounds
 # largest distance of an answer from the solution, in nominals, from which the next call may start
 ANSWER = 1e-9
 # CasADi rounds products of constants while it differentiates the residual
@@ -48,7 +45,8 @@ class NewtonProver:
     ) -> None:
         if len(function.kernels) != 1:
             raise ArgumentError(
-                f"{function.name} has {len(function.kernels)} Newton blocks; certificates take one", "function"
+                f"{function.name} has {len(function.kernels)} Newton blocks; certificates take one, so ask for less",
+                "function",
             )
         cut = stages(function, f"certified_{function.name}", REAL)
         if cut.loops is not None:
@@ -69,6 +67,11 @@ class NewtonProver:
         self._before, self._after = before, [*after, *bounds]
         last = [*([] if away is None else [REACHED]), *([NONSINGULAR] if regular else [])]
         self.claims = [SMALL, ONE, *before, *self._after, FINITE, *last]
+
+    @property
+    def operations(self) -> set[int]:
+        """The operations of the code, by CasADi's numbers."""
+        return {s.op for tape in (self._prepare, self._step, self._body) for s in tape.steps}
 
     def decide(self, lo: Array, hi: Array, whole: Array) -> Decision:
         """Judge boxes."""
@@ -159,10 +162,10 @@ class NewtonProver:
             e = (half * e * e + 2.0 * spoilt * e + quiet) * GROWN
             steps = np.where((e > 3.0 * quiet) & (steps == k), k + 1, steps)
         rest = near.row_sums() * e * GROWN + noise
-        good = (half * start + 2.0 * spoilt <= SHRINKING) & (start * (1.0 + SHRINKING) + quiet <= REACH)
-        good &= (quiet <= QUIET) & (e <= ANSWER) & (rest <= self.limit.min())
+        left = (half * start + 2.0 * spoilt) * GROWN
+        good = _shrinking(left, quiet) & (start * (1.0 + left) + quiet <= REACH * (1.0 - SLACK))
+        good &= (e <= ANSWER) & (rest <= self.limit.min())
         good &= tube.proved & (pivots > self.least * (1.0 + 2.0**-20) + perturbed)
-        assert CONTRACTION == 0.25
         if self.away is None:
             tolerance = beta * (self.limit.max() + noise) * GROWN
             e = np.where(tolerance <= ANSWER, tolerance, np.nan)
@@ -207,7 +210,8 @@ class NewtonProver:
         if self.regular:
             by_input = add(by_a, _times(by_z, tube.around(np.zeros_like(singular)).derivative()))
             matrices = Interval(*(x[: self.targets].transpose(2, 0, 1) for x in by_input))
-            singular = np.where(natural.continuous, least_singular_value(matrices), np.nan)
+            smooth = natural.decided & self._centred.slope.over(lo, hi).decided
+            singular = np.where(smooth, least_singular_value(matrices), np.nan)
         return np.nextafter(least - error, -np.inf), np.nextafter(most + error, np.inf), natural.error, singular
 
     def bounds(self, leaves: Leaves, good: Array, wide: Array) -> tuple[Array, Array, Array, Array]:
@@ -233,6 +237,19 @@ class NewtonProver:
             elif claim.output >= 0 and claim.output < self.targets and claim.kind != STATUS:
                 states[k] = np.where(status == 0, claim.states(rows[claim.output], rows[claim.output]), 0)
         return states
+
+
+def _shrinking(left: Array, quiet: Array) -> Array:
+    """Return whether steps that leave at most `left` of the distance e, and `quiet` of round-off, pass the code's test:
+    each at most CONTRACTION of the one before, or below REAL.round_off.
+
+    A step has at least (1 - left) e - 2 quiet, the next one at most (1 + left) e' + 2 quiet, e' = left e + quiet. The
+    next one is tested only above the limit of the round-off, which bounds e from below.
+    """
+    following = (REAL.round_off - 2.0 * quiet) / (1.0 + left) - quiet  # left e, at least
+    t = quiet * left / following  # quiet / e, at most
+    largest, smallest = (1.0 + left) * (left + t) + 2.0 * t, 1.0 - left - 2.0 * t
+    return (following > 0.0) & (smallest > 0.0) & (largest <= CONTRACTION * smallest * (1.0 - SLACK))
 
 
 def _times(a: Interval, b: Interval) -> Interval:

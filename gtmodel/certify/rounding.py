@@ -114,8 +114,8 @@ def _of_arc(x: list[Interval], e: list[Array], _: Interval) -> Array:
 def _of_angle(x: list[Interval], e: list[Array], _: Interval) -> Array:
     y, x_ = (a.widened(b) for a, b in zip(x, e, strict=True))
     near = np.hypot(y.mignitude, x_.mignitude)
-    carried = _over(e[0] + e[1], near / GROWN)
-    return np.where((e[0] == 0) & (e[1] == 0), 0.0, np.where(touches_cut(y, x_), 2.0 * np.pi, carried))
+    # on the cut the sign of a zero decides, which is no real number: a turn even if the operands are exact
+    return np.where(touches_cut(y, x_), 2.0 * np.pi, _over(e[0] + e[1], near / GROWN))
 
 
 def _across(op: int) -> Carried:

@@ -22,13 +22,15 @@ CHUNK = 2048  # boxes at a time: every operation keeps three columns until it is
 class Enclosures:
     """Results (m, n) of m outputs over n boxes: `lo` and `hi` of the real values, and `error`, the bound of
     |computed - real|, or None without an arithmetic. `continuous`: no jump lies inside the box. `undefined`: the first
-    step that may be undefined in a box, -1 if there is none."""
+    step that may be undefined in a box, -1 if there is none. `decided`: no jump but a turn of an angle by 2 pi, which
+    changes no derivative, lies inside the box."""
 
     lo: Array
     hi: Array
     error: Array | None
     continuous: Array
     undefined: Array
+    decided: Array
 
 
 class IntervalTape:
@@ -140,8 +142,8 @@ class IntervalTape:
         errors = (
             None if arithmetic is None else np.concatenate([r.error for r in results if r.error is not None], axis=1)
         )
-        flags = [np.concatenate([getattr(r, name) for r in results]) for name in ("continuous", "undefined")]
-        return Enclosures(joined[0], joined[1], errors, flags[0], flags[1])
+        flags = [np.concatenate([getattr(r, name) for r in results]) for name in ("continuous", "undefined", "decided")]
+        return Enclosures(joined[0], joined[1], errors, flags[0], flags[1], flags[2])
 
     def _over(
         self,
@@ -154,7 +156,7 @@ class IntervalTape:
         n = lo.shape[1]
         values: list[Interval | None] = []
         errors: list[Array | None] = []
-        continuous = np.ones(n, dtype=bool)
+        continuous, decided = np.ones(n, dtype=bool), np.ones(n, dtype=bool)
         undefined = np.full(n, -1)
         none = np.zeros(1)
         leaving: dict[int, list[int]] = {}
@@ -175,6 +177,7 @@ class IntervalTape:
                 x, e, smooth = _applied(s.op, operands, carried, arithmetic)  # type: ignore[arg-type]
                 if smooth is not None:
                     continuous &= smooth
+                    decided &= smooth | (s.op == ca.OP_ATAN2)
                 if k in narrowed:
                     x = Interval(np.maximum(x.lo, narrowed[k].lo), np.minimum(x.hi, narrowed[k].hi))
                 new = np.isnan(x.lo) & (undefined < 0)
@@ -192,7 +195,7 @@ class IntervalTape:
             low[place], high[place] = x
             if bounds is not None:
                 bounds[place] = e
-        return Enclosures(low, high, bounds, continuous, undefined)
+        return Enclosures(low, high, bounds, continuous, undefined, decided)
 
 
 def _applied(

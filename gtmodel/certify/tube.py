@@ -18,7 +18,7 @@ from .rounding import GROWN
 from .tape import IntervalTape, MeanValue, with_jacobian
 
 ATTEMPTS = 3
-_FLOOR = 1e-13  # least half width of a tube in nominals: round-off of the midpoint
+_FLOOR = 1e-11  # least half width of a tube in nominals: round-off of the midpoint
 
 
 class KernelDerivatives:

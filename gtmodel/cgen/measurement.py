@@ -23,6 +23,7 @@ from .wrapper import elements
 
 CALLS = 100  # counted calls; one more precedes them, so that the dynamic linker has done its work
 EXTERNAL = "external functions"
+SHARED = ("gt_filter", "gt_stage_qp")  # functions of the runtime that steps share; they count for the first step
 DRAWS = 200  # random points; the first one with a solution is used
 
 _BEHIND = re.compile(r"^CASADI_SYMBOL_EXPORT int (\w+)\([^\n]*\{\n *return casadi_(f\d+)\(", re.M)
@@ -101,10 +102,10 @@ def costs(folder: Path, functions: Mapping[str, CausalFunction | StepFunction]) 
         }
         for step in steps:
             step_symbols = {s for s in sizes if s == step.symbol or s.startswith(f"{step.symbol}_")}
-            shared = {s for s in sizes if s.startswith("gt_filter")} if step is steps[0] else set[str]()
+            shared = {s for s in sizes if s.startswith(SHARED)} if step is steps[0] else set[str]()
             text[step.symbol] = sum(sizes[s] for s in step_symbols | shared)
             stack[step.symbol] = frames.get(f"{step.symbol}_step", 0) + sum(
-                frames.get(s, 0) for s in frames if s.startswith("gt_filter")
+                frames.get(s, 0) for s in frames if s.startswith(SHARED)
             )
         valgrind = shutil.which("valgrind")
         if valgrind is None:

@@ -106,17 +106,19 @@ def real_of(name: str) -> Real:
 
 # shared names that involve numbers get the suffix f, as in libm, so that a project may hold both types
 _NAMES = """
-    gt_all_equal gt_all_finite gt_copy gt_filter gt_filter_advance gt_filter_along gt_filter_begin gt_filter_belief
-    gt_filter_correct gt_filter_cycle gt_filter_fill gt_filter_gated gt_filter_instant gt_filter_judge
-    gt_filter_judged gt_filter_kernel gt_filter_matrix gt_filter_memory gt_filter_motion gt_filter_move
-    gt_filter_multiply gt_filter_noise gt_filter_outcome gt_filter_plus gt_filter_product gt_filter_rows
-    gt_filter_sensor gt_filter_spread gt_filter_sum gt_filter_turn gt_filter_use gt_filter_used gt_filter_work
-    gt_newton gt_newton_kernel gt_newton_lu gt_newton_marks gt_stage_qp gt_stage_qp_advanced gt_stage_qp_aimed
-    gt_stage_qp_at gt_stage_qp_begun gt_stage_qp_call gt_stage_qp_centred gt_stage_qp_changed gt_stage_qp_excess
-    gt_stage_qp_factored gt_stage_qp_followed gt_stage_qp_graded gt_stage_qp_judged gt_stage_qp_kept
-    gt_stage_qp_kernel gt_stage_qp_larger gt_stage_qp_limit gt_stage_qp_measured gt_stage_qp_moved
-    gt_stage_qp_outcome gt_stage_qp_place gt_stage_qp_pulled gt_stage_qp_pushed gt_stage_qp_sloped
-    gt_stage_qp_smaller gt_stage_qp_solve gt_stage_qp_stage gt_stage_qp_status gt_stage_qp_stepped
+    gt_all_equal gt_all_finite gt_copy gt_filter gt_filter_advance gt_filter_along gt_filter_begin
+    gt_filter_belief gt_filter_correct gt_filter_cycle gt_filter_fill gt_filter_gated gt_filter_instant
+    gt_filter_judge gt_filter_judged gt_filter_kernel gt_filter_matrix gt_filter_memory gt_filter_motion
+    gt_filter_move gt_filter_multiply gt_filter_noise gt_filter_outcome gt_filter_plus gt_filter_product
+    gt_filter_rows gt_filter_sensor gt_filter_spread gt_filter_sum gt_filter_turn gt_filter_use gt_filter_used
+    gt_filter_work gt_newton gt_newton_kernel gt_newton_lu gt_newton_marks gt_stage_qp gt_stage_qp_advanced
+    gt_stage_qp_aimed gt_stage_qp_at gt_stage_qp_begun gt_stage_qp_call gt_stage_qp_centred gt_stage_qp_changed
+    gt_stage_qp_column gt_stage_qp_copy gt_stage_qp_eliminated gt_stage_qp_excess gt_stage_qp_factored
+    gt_stage_qp_fed gt_stage_qp_finite gt_stage_qp_followed gt_stage_qp_graded gt_stage_qp_judged
+    gt_stage_qp_kept gt_stage_qp_kernel gt_stage_qp_larger gt_stage_qp_limit gt_stage_qp_measured
+    gt_stage_qp_moved gt_stage_qp_offset gt_stage_qp_one_row gt_stage_qp_outcome gt_stage_qp_place
+    gt_stage_qp_pulled gt_stage_qp_pushed gt_stage_qp_sloped gt_stage_qp_smaller gt_stage_qp_solve
+    gt_stage_qp_stage gt_stage_qp_status gt_stage_qp_stepped gt_stage_qp_thickened gt_stage_qp_three_rows
     gt_stage_qp_tried gt_stage_qp_weighed gt_stage_qp_work gt_traj gt_traj_at gt_traj_end_ms
 """
 FILTER = (
@@ -124,7 +126,8 @@ FILTER = (
     "gt_filter_types.h",
 )  # fmt: skip
 STAGE_QP = (
-    "gt_stage_qp.h", "gt_stage_qp_limits.h", "gt_stage_qp_riccati.h", "gt_stage_qp_sides.h", "gt_stage_qp_types.h",
+    "gt_stage_qp.h", "gt_stage_qp_factor.h", "gt_stage_qp_limits.h", "gt_stage_qp_riccati.h", "gt_stage_qp_sides.h",
+    "gt_stage_qp_types.h",
 )  # fmt: skip
 HEADERS = ("gt_guard.h", "gt_compare.h", "gt_newton.h", "gt_traj.h", *FILTER, *STAGE_QP)
 _WORDS = {

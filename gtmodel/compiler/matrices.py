@@ -112,10 +112,10 @@ def called(f: ca.Function, *arguments: np.ndarray | float) -> list[np.ndarray]:
         if a.size != f.nnz_in(k):
             raise ValueError(f"argument {k} of {f.name()} needs {f.nnz_in(k)} numbers; found {a.size}")
         if a.size:
-            buffer.set_arg(k, memoryview(a))
+            buffer.set_arg(k, memoryview(a))  # pyrefly: ignore[missing-argument]
     for k, r in enumerate(results):
         if r.size:
-            buffer.set_res(k, memoryview(r))
+            buffer.set_res(k, memoryview(r))  # pyrefly: ignore[missing-argument]
     run()
     return results
 

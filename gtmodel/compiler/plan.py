@@ -192,8 +192,9 @@ def _unsettled(
 
     blocks = None
     if fold is not None and fold.is_constant() and at is None and not pose:
+        needed = [n for c in order.components for n in c]
         axes = in_body_axes(
-            flat, posed.alias, posed.structure, posed.derivatives, order.unknown_of, turns, sampler, samples
+            flat, posed.alias, posed.structure, posed.derivatives, order.unknown_of, needed, turns, sampler, samples
         )
         if axes is not None:
             values = folded_into(flat, [list(axes.residuals.values())], fold)[0]

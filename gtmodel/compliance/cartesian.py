@@ -186,6 +186,8 @@ class SprungArm:
         branches = postures(self.chain, flange, self.R).q[0]
         self.branch = int(np.nanargmin(np.abs(within_pi(branches - q[0])).sum(axis=1)))
         across = rotation_about(self.chain.axes[0], q[0, 0]) @ np.cross(self.chain.axes[1], [0.0, 0.0, 1.0])
+        if self.home @ across < 0:  # axis 2 may point to either side; the section begins at axis 1 and holds the pose
+            across = -across
         normal = np.cross(across, [0.0, 0.0, 1.0])
         self.section = SectionPlane((self.home @ normal) * normal, across, np.array([0.0, 0.0, 1.0]), normal)
         self.marks = np.zeros((0, 2))

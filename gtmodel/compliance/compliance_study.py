@@ -9,6 +9,7 @@ from typing import Annotated, Any, Unpack
 
 import numpy as np
 
+from .. import view
 from ..kinematics.workspace import section_grid
 from ..lang import Model
 from ..results import ArgumentError, SolveStatus, Work, at_most
@@ -21,6 +22,7 @@ from .sprung_links import ComplianceAtPoses, Sprung, SprungLinks
 
 CHUNK = 2000  # poses between two checks of time and stop
 MOST_POINTS = 1e6
+ARROW = 0.3  # half length of a direction in space, in distances of the points
 # relative tolerance for the load's work from C and from the springs; both are sums of a dozen products
 WORK = 1e-9
 
@@ -74,7 +76,7 @@ def study(
         work.step("computing the map", begin / len(T))
         parts.append(_columns(sprung(T[begin : begin + CHUNK]), load))
     columns = {name: np.concatenate([p[name] for p in parts]) for name in parts[0]}
-    return _study_of(work.title, sprung, computed, load, grid, T, columns)
+    return _study_of(work.title, robot, sprung, computed, load, grid, T, columns)
 
 
 def on_springs(
@@ -137,8 +139,9 @@ def _interrupted(title: str, sprung: Sprung, pose: ComplianceAtPoses) -> Complia
 
 
 def _study_of(
-    title: str, sprung: Sprung, pose: ComplianceAtPoses, options: Load, grid: Any, T: Array, columns: dict[str, Array]
-) -> ComplianceStudy:
+    title: str, robot: Model, sprung: Sprung, pose: ComplianceAtPoses, options: Load, grid: Any, T: Array,
+    columns: dict[str, Array],
+) -> ComplianceStudy:  # fmt: skip
     load = np.array([*options.force, *options.moment])[: pose.C.shape[1]]
     work = float(load @ pose.moved[0]) / 2
     uv = sprung.section.coordinates(T)
@@ -148,6 +151,8 @@ def _study_of(
     reasons = dict(sorted(Counter(r for r in columns["reason"] if r).items()))
     by_C = float(load @ pose.C[0] @ load) / 2
     values_at_pose = _pose_values(sprung, pose)
+    drawn = partial(_map_in_space, robot, sprung.home, grid, T, columns, title or "compliance")
+    over = {f"section_{_short(name)}": partial(drawn, name) for name in (mapped if valid.any() else ())}
     places = {"u_m": uv[:, 0], "v_m": uv[:, 1], "x_m": T[:, 0], "y_m": T[:, 1], "z_m": T[:, 2]}
     return ComplianceStudy(
         status=SolveStatus.SOLVED if valid.any() else SolveStatus.INFEASIBLE,
@@ -161,7 +166,7 @@ def _study_of(
         work=work,
         map={"points": int(valid.sum()), **extremes},
         reasons=reasons,
-        scenes=sprung.scenes(title or "compliance"),
+        scenes={**sprung.scenes(title or "compliance"), **over},
         figures=_figures(sprung, grid, columns, mapped, values_at_pose["shares"], work, title or "compliance"),
         files={"map.csv": csv_text({n: c[valid] for n, c in (places | mapped).items()})} if valid.any() else {},
     )
@@ -175,13 +180,18 @@ def _figures(
     if np.isfinite(mapped["softest_N_m"]).any():
         arrows = columns["direction"] @ np.stack([sprung.section.across, sprung.section.up], axis=1)
         for name in mapped:
-            figures[name.rpartition("_")[0].removesuffix("_N")] = partial(
+            figures[_short(name)] = partial(
                 _map_figure, sprung, grid, name, mapped[name].reshape(shape), title,
                 arrows.reshape(*shape, 2) if name == "softest_N_m" else None,
             )  # fmt: skip
     if shares is not None:
         figures["shares"] = partial(_shares_figure, shares, work, title)
     return figures
+
+
+def _short(column: str) -> str:
+    """Name of a map, from that of its column."""
+    return column.rpartition("_")[0].removesuffix("_N")
 
 
 def _extremes(values: Array, uv: Array) -> dict[str, Any]:
@@ -204,6 +214,23 @@ def _map_figure(sprung: Sprung, grid: Any, name: str, values: Array, title: str,
         u, v, scale * values, label=f"{words} [{unit}]", marks=sprung.marks, directions=arrows,
         point=sprung.section.coordinates(sprung.home[None])[0], title=f"{title}: {words}", names=sprung.section.names,
     )  # fmt: skip
+
+
+def _map_in_space(
+    robot: Model, pose: Array, grid: Any, T: Array, columns: dict[str, Array], title: str, name: str
+) -> view.RobotScene:
+    """The robot at home, with the points of the section by a mapped quantity, and the softest directions."""
+    words, scale, unit = MAPPED[name]
+    u, v = grid.coordinates
+    rows, note = view.thinned((len(u), len(v)))
+    rows = rows[np.isfinite(columns[name][rows])]
+    bodies = view.levels(T[rows], scale * columns[name][rows], words, unit)
+    if name == "softest_N_m":
+        half = ARROW * float(np.ptp(u)) / np.sqrt(len(rows)) * columns["direction"][rows]
+        bodies.append(view.lines(T[rows] - half, T[rows] + half, name="softest direction", colour="#000000"))
+        note = f"{note} Lines: the softest direction at each point.".strip()
+    bodies.append(view.dots(pose[None], marker="cross", name="reported pose", colour="#d55e00"))
+    return view.around(robot, bodies, title=f"{title}: {words}", note=note)
 
 
 def _shares_figure(shares: dict[str, float], work: float, title: str) -> Any:

@@ -183,7 +183,7 @@ def _complete(tests: StaticTests, covariance: np.ndarray) -> StiffnessFit:
         if tests.K_c is None or converged:
             break
         before, torque = e.values, loaded_torque(tests, e.values)
-    return stiffness_fit("complete pose", e, A, covariance, n)  # pyright: ignore[reportPossiblyUnboundVariable]
+    return stiffness_fit("complete pose", e, A, covariance, n)  # pyrefly: ignore[unbound-name]
 
 
 def decoupled(tests: StaticTests, *, moment: bool = True) -> StiffnessFit:
@@ -217,7 +217,7 @@ def decoupled(tests: StaticTests, *, moment: bool = True) -> StiffnessFit:
         if tests.K_c is None or converged:
             break
         before, torque = c, loaded_torque(tests, c)
-    return fit  # pyright: ignore[reportPossiblyUnboundVariable]
+    return fit  # pyrefly: ignore[unbound-name]
 
 
 def _decoupled(tests: StaticTests, torque: np.ndarray, moment: bool) -> StiffnessFit:

@@ -49,7 +49,7 @@ class StaticTests:
 
     def with_(self, **changes: np.ndarray | None) -> StaticTests:
         """Return the tests with some arrays replaced. Raises ValueError as the constructor."""
-        return replace(self, **changes)  # pyright: ignore[reportArgumentType]
+        return replace(self, **changes)
 
     @property
     def torque(self) -> np.ndarray:

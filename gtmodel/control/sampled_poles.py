@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 
 from gtmodel import lang as gt
-from gtmodel.simulation import linearize
 from gtmodel.simulation.hybrid.clock import exact
+from gtmodel.simulation.linearize import Linearization, LinearModel, labels
 
 from .._lazy import hint
 from ..linear.state_space import held_late
@@ -58,15 +58,13 @@ def linearize_sampled(
     12 True
     51 False
     """
-    from .._control import control  # slow to import, and only needed here
-
     (count,), _, _ = actuators(plant, known, targets)
     if not (np.isfinite(period) and period > 0 and np.isfinite(delay) and delay >= 0):
         raise gt.ModelError(f"the period must be positive and the delay not negative; found {period!r}, {delay!r} s")
     measured = [known, f"der({known})"]
     linear, jacobians = at_rest(plant, law, measured, start, targets)
 
-    a, b, c = (np.asarray(m) for m in (linear.A, linear.B, linear.C))
+    a, b, c, _ = linear.matrices
     whole, part = divmod(exact(delay), exact(period))
     transition, early, latest = held_late(a, b, float(part), float(exact(period) - part))
     late = int(whole) + (part > 0)  # earlier samples whose forces have yet to act
@@ -96,9 +94,11 @@ def linearize_sampled(
         A[n + m :, :n] = c[:count]
     names = [f"forces(k-{j})[{i}]" for j in range(1, late + 1) for i in range(count)]
     names += [f"measured[{i}]" for i in range(count)] if difference else []
+    from .._control import control  # slow to import, and only needed here
+
     loop = control.ss(
         A, B, np.hstack([c[:count], np.zeros((count, size - n))]), np.zeros((count, B.shape[1])), period,
-        name=linear.name, states=[*linear.state_labels, *names],
+        name=linear.title, states=[*labels(linear.states), *names],
         inputs=[f"{name}[{i}]" for name in INPUTS[:3] for i in range(count)],
         outputs=[f"position[{i}]" for i in range(count)],
     )  # fmt: skip
@@ -108,27 +108,28 @@ def linearize_sampled(
 
 def at_rest(
     plant: gt.Model, law: Law, outputs: Sequence[str], start: Mapping[str, Any], targets: str
-) -> tuple[StateSpace, dict[str, np.ndarray]]:
+) -> tuple[LinearModel, dict[str, np.ndarray]]:
     """Linearise plant and law about a point where the law holds the plant at rest.
 
     Returns the plant from its forces to `outputs`, which begin with positions and velocities, and the derivatives of
     the law (count, count) by the names of its inputs. Raises ModelError if the point is not at rest, and as
     `gt.linearize`.
     """
-    linear = linearize(plant, targets, list(outputs), start=start)
-    count = linear.ninputs
+    plant_at = Linearization(plant, targets, list(outputs)).at
+    linear = plant_at(start, None)
+    count = len(linear.inputs)
     state, f, zero = _measured(linear, count), law_function(law, count), np.zeros(count)
     point = [state[:count], zero, zero, *np.split(state, 2)]
     held = f(*point).full().reshape(-1)
-    linear = linearize(plant, targets, list(outputs), start=start, input_values={targets: held})
+    linear = plant_at(start, {targets: held})
     jacobian = ca.Function("jacobian", f.sx_in(), [ca.jacobian(f(*f.sx_in()), ca.vertcat(*f.sx_in()))])
     slopes = np.split(np.asarray(jacobian(*point).full()), len(INPUTS), axis=1)
     return linear, dict(zip(INPUTS, slopes, strict=True))
 
 
-def _measured(linear: StateSpace, count: int) -> np.ndarray:
+def _measured(linear: LinearModel, count: int) -> np.ndarray:
     """Position and velocity at the point, (2 count,). Raises ModelError if it is not at rest."""
-    values = np.array(list(linear.params["outputs"].values()))[: 2 * count]
+    values = linear.values[: 2 * count]
     if np.any(values[count:] != 0.0):
         raise gt.ModelError("linearize_sampled needs a point at rest; set the derivatives in `start` to 0")
     return values

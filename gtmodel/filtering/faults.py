@@ -137,7 +137,7 @@ def _constants(
         declared[name] = getattr(by_name[owner], what)
         if what == "delay" and owner in log:  # the stamps keep the declared delay
             shifted[owner], declared[name] = _earlier(owner, log[owner], by_name[owner].lag), 0.0
-        by_name[owner] = replace(by_name[owner], **{what: ESTIMATE})
+        by_name[owner] = replace(by_name[owner], **{what: ESTIMATE})  # pyrefly: ignore[bad-argument-type]
     system = System(process, [by_name[s.name] for s in sensors], estimate=estimate)
     space, n = system.space, system.own.dimension
     mean = {name: np.broadcast_to(np.asarray(v, float), (space.part(name)[0].size,)) for name, v in declared.items()}

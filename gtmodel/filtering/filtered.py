@@ -115,6 +115,7 @@ class Filtered(Estimates):
         freedom over independent runs, not over instants of one run.
     notes: sentences on the limits of the result, such as a gate that left out more than one reading in fifty.
     replay: log and start of a Kalman filter, for `consistency`; None for other filters.
+    blocks: of a single run, the covariances within each state one after the other (K, sum of d^2); see `covariance`.
     mode_probabilities: of interacting models (K, m, modes). effective: effective sample size of a particle filter after
         the readings of each instant, before resampling (K, m). None for other filters.
 
@@ -137,6 +138,19 @@ class Filtered(Estimates):
     weighed: Mapping[str, np.ndarray] = field(default_factory=dict)
     replay: Replay | None = None
     innovation_deviations: Mapping[str, np.ndarray] = field(default_factory=dict)
+    blocks: np.ndarray | None = None
+
+    def covariance(self, name: str) -> np.ndarray:
+        """Return the covariances of the errors of one state, (K, d, d), of a single run, kept or not.
+
+        Raises ArgumentError for an unknown name and for several runs.
+        """
+        part, _, along = self.system.space.part(name)
+        if self.blocks is None:
+            raise ArgumentError(f"there are {self.runs} runs; covariances by state are kept for one", "runs")
+        before = sum(p.dimension**2 for p, _, at in self.system.space.places() if at.start < along.start)
+        d = part.dimension
+        return self.blocks[:, before : before + d**2].reshape(-1, d, d)
 
     @property
     def covariances(self) -> np.ndarray:
@@ -162,6 +176,9 @@ class RunRecord:
         self.time = np.empty(instants)
         self.x = np.empty((instants, runs, system.space.size))
         self.variances = np.empty((instants, runs, n))
+        inside = [np.indices((a.stop - a.start,) * 2).reshape(2, -1) + a.start for _, _, a in system.space.places()]
+        self.inside = np.concatenate(inside, axis=1)
+        self.blocks = np.empty((instants, self.inside.shape[1])) if runs == 1 else None
         self.names = tuple(system.sensors)
         group = system.group(self.names)
         self.columns = dict(zip(system.sensors, group.rows, strict=True))
@@ -191,6 +208,8 @@ class RunRecord:
         k = self.n
         self.time[k], self.x[k] = time, after.x
         self.variances[k] = after.P.diagonal(0, 1, 2)
+        if self.blocks is not None:
+            self.blocks[k] = after.P[0][*self.inside]
         whole = innovation.whole
         residual = innovation.residual if whole else np.where(innovation.used, innovation.residual, np.nan)
         if innovation.names == self.names:
@@ -238,6 +257,7 @@ class RunRecord:
             self.system, self.time[:n], self.x[:n], np.sqrt(self.variances[:n]), errors, status, message, cut,
             self.nis[:n], self.count[:n], self.log_likelihood, self.gated, nees, kept, self._notes(),
             weighed=self.weighed, replay=self.replay, innovation_deviations=spread,
+            blocks=None if self.blocks is None else self.blocks[:n],
             **{name: np.array(values) for name, values in self.details.items()},
         )  # fmt: skip
 

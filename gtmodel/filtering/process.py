@@ -197,8 +197,8 @@ class ProcessModel(Portable):
         parameters: Sequence[str] = (),
     ) -> None:
         self.model, self.noise, self.inputs, self.states = model, dict(noise), tuple(inputs), tuple(states)
-        self.kinds: dict[str, PartKind] = dict.fromkeys(quaternions, "quaternion")
-        self.kinds |= dict.fromkeys(directions, "direction")
+        self.kinds: dict[str, PartKind] = {name: "quaternion" for name in quaternions}
+        self.kinds.update({name: "direction" for name in directions})  # pyrefly: ignore[no-matching-overload]
         self.parameters = tuple(parameters)
         both = [name for name in self.noise if name in self.inputs]
         if both:

@@ -107,7 +107,7 @@ def study(
                 )
             work.progress(f"exporting {key}", n / len(functions))
             own = {n: x for n, x in (box or {}).items() if n in inputs.get(key, ())}
-            more = {**({"box": own} if own else {}), **(options or {}).get(key, {})}
+            more: dict[str, Any] = {**({"box": own} if own else {}), **(options or {}).get(key, {})}
             try:
                 unit = export(function, None, version=version, name=f"{name}_{key}", provenance=provenance, **more)
             except ArgumentError as error:

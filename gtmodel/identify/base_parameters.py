@@ -169,7 +169,7 @@ def _ranges(names: Sequence[str]) -> str:
     """Names in one line: "m[1]", "m[2]", "m[3]" become m[1..3]."""
     runs: list[tuple[str, int, int]] = []  # beginning of the name, first and last index
     for name in names:
-        start, index = re.fullmatch(r"(.*?)(\d*)\]?", name).groups()  # pyright: ignore[reportOptionalMemberAccess]
+        start, index = re.fullmatch(r"(.*?)(\d*)\]?", name).groups()  # pyrefly: ignore[missing-attribute]
         number = int(index or -1)
         if runs and runs[-1][0] == start and number == runs[-1][2] + 1:
             runs[-1] = (start, runs[-1][1], number)

@@ -350,14 +350,19 @@ class Regressor(Portable):
 
 
 def _partly_folded(causal: CausalFunction, chosen: Sequence[int]) -> CausalPlan:
-    """The causal plan again, with symbols for the chosen parameters and numbers for the others."""
+    """The causal plan again, with symbols for the chosen parameters and numbers for the others; kept with the model,
+    because a study and its checks ask for it several times."""
     flat = causal.flat
-    fold = ca.SX(ca.DM(flat.require_values()))
-    for k in chosen:
-        fold[k] = flat.parameters[k].symbol
     known = [i for _, _, indices in causal.groups for i in indices]
     pairs = [p for s in causal.outputs for p in s.pairs]
-    return make_plan(flat, known, pairs, causal.preferred, causal.branches, fold=fold)
+    signs = tuple(sorted((causal.branches or {}).items()))
+    key = "partly folded", *map(tuple, (known, pairs, causal.preferred, chosen)), signs
+    if key not in flat.cache:
+        fold = ca.SX(ca.DM(flat.require_values()))
+        for k in chosen:
+            fold[k] = flat.parameters[k].symbol
+        flat.cache[key] = make_plan(flat, known, pairs, causal.preferred, causal.branches, fold=fold)
+    return flat.cache[key]
 
 
 def _elements(name: str, shape: tuple[int, ...]) -> list[str]:

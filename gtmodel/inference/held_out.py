@@ -58,11 +58,11 @@ class HeldOut(_Bounded):
     The bound is the larger of 1.5 and the ratio that a sound model exceeds with probability `false_alarm`.
     """
 
-    ratio: float
+    ratio: float  # pyrefly: ignore[bad-override]
     expected: float
-    bound: float
+    bound: float  # pyrefly: ignore[bad-override]
     false_alarm: float
-    p: float = np.nan
+    p: float = np.nan  # pyrefly: ignore[bad-override]
 
     @property
     def extent(self) -> str:
@@ -89,10 +89,10 @@ class OverNoise(_Bounded):
     p: probability that the stated noise gives residuals this large or larger.
     """
 
-    ratio: float
-    bound: float
+    ratio: float  # pyrefly: ignore[bad-override]
+    bound: float  # pyrefly: ignore[bad-override]
     degrees_of_freedom: float
-    p: float
+    p: float  # pyrefly: ignore[bad-override]
 
     @property
     def as_stated(self) -> bool:

@@ -80,7 +80,7 @@ def linear_fit(
         noise = estimate.noise
         if w.known or not priors or abs(noise - before) <= NOISE_STILL * noise:
             break
-    return estimate  # pyright: ignore[reportPossiblyUnboundVariable]
+    return estimate  # pyrefly: ignore[unbound-name]
 
 
 def linear_fits(

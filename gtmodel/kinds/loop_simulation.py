@@ -115,6 +115,7 @@ def law_of(section: LawSection, model: lang.Model) -> control.Law:
     gains = [_gain(g) for g in (section.stiffness, section.damping)]
     laws = {"computed_torque": control.ComputedTorque, "feedforward": control.Feedforward}
     try:
+        # pyrefly: ignore[bad-argument-type]
         return control.Feedback(*gains) if section.name == "feedback" else laws[section.name](model, *gains)
     except (ValueError, ModelError) as error:
         raise InputError(str(error), "law") from error

@@ -10,7 +10,7 @@ from pydantic import Field, PositiveFloat
 
 from gtmodel import problem_files
 from gtmodel.kinematics import assembly_modes
-from gtmodel.kinematics.assembly_modes import options
+from gtmodel.kinematics.assembly_modes.options import CommandedPose
 from gtmodel.problem_files.base import Call, Context, FileSection, InputError, Problem
 from gtmodel.problem_files.from_options import Made, made_from
 
@@ -21,19 +21,19 @@ Points = Annotated[list[Three], Field(min_length=6, max_length=6)]
 Lengths = Annotated[list[PositiveFloat], Field(min_length=6, max_length=6)]
 
 
-@made_from(options.CommandedPose, "axes")
+@made_from(CommandedPose, "axes")
 class PoseSection(Made):
     """Positions of carts and rotary axes, or a tool pose."""
 
     q_rad: Three | None = Field(default=None, description="rotary axes q4, q5, q6 of an F1; zero if left out")
     q_deg: Three | None = Field(default=None, description="rotary axes q4, q5, q6 of an F1, in degrees")
 
-    def options(self) -> options.CommandedPose:
+    def options(self) -> CommandedPose:
         """Return the pose in SI. Raises InputError for angles in both units."""
         if self.q_rad is not None and self.q_deg is not None:
             raise InputError("give either q_rad or q_deg", "pose")
         axes = self.q_rad if self.q_deg is None else np.radians(self.q_deg).tolist()
-        return options.CommandedPose(axes=axes, **self.given())
+        return CommandedPose(axes=axes, **self.given())
 
 
 class Platform(FileSection):

@@ -134,7 +134,9 @@ def _read(keys: ReadingsSection, name: str, poses: str | None, part: str, contex
     place = f"readings.poses.{part or 'file'}"
     other = None if poses is None else context.file(poses, place, place, source=keys.source)
     with naming(READ | {"": key}, ArgumentError, UnitError, refusal=InputError):
-        return lead_through.read_wrenches(path, _form(keys, part), other, keys.poses and keys.poses.options())
+        return lead_through.read_wrenches(
+            path, _form(keys, part), other, None if keys.poses is None else keys.poses.options()
+        )
 
 
 def _form(keys: ReadingsSection, part: str) -> lead_through.WrenchForm:

@@ -36,9 +36,14 @@ def _schur(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _schur_states(T: np.ndarray, drive: np.ndarray, z0: np.ndarray) -> np.ndarray:
     """As `states` for upper triangular T, computed from the last state to the first."""
     z = np.empty(drive.shape, complex)
+    if not len(z):
+        return z
+    solve: Any = scipy.linalg.get_blas_funcs("tbsv", dtype=np.complex128)  # scipy.signal takes long to import
+    band = np.ones((2, len(z)), complex, order="F")  # of z[k + 1] - T[i, i] z[k], which is solved forwards
     for i in range(len(T) - 1, -1, -1):
         into = drive[:, i] + z[:, i + 1 :] @ T[i, i + 1 :]
-        z[:, i] = scipy.signal.lfilter([0.0, 1.0], [1.0, -T[i, i]], into, zi=[z0[i]])[0]
+        band[1] = -T[i, i]
+        z[:, i] = solve(1, band, np.append(z0[i], into[:-1]), lower=1, diag=1)
     return z
 
 

@@ -106,10 +106,10 @@ class DisturbedPlant:
         now = self._cycles * self.cycle_s
         self._cycles += 1
         for _, limit in [entry for entry in self.limits if entry[0] <= now]:
-            self.plant.limit_N = limit  # pyright: ignore[reportAttributeAccessIssue]
+            self.plant.limit_N = limit  # pyrefly: ignore[missing-attribute]
         self._pipe.append((np.array(position_m) + self.drift * now, speed_m_s))
         if len(self._pipe) > self.delay:
-            self.plant.step(*self._pipe.popleft())  # pyright: ignore[reportArgumentType]
+            self.plant.step(*self._pipe.popleft())  # pyrefly: ignore[bad-argument-type]
             self.forces_N.append(np.array(getattr(self.plant, "force_N", np.zeros((0, len(position_m))))))
         self.position_m = self._read()
 

@@ -299,7 +299,7 @@ def read_signals(
             paths, columns, time=time, sample_time=sample_time, jitter=jitter, grid=grid, align_by=align_by,
             curves=curves or {}, **more,
         )  # fmt: skip
-    options = {"time": time, "session": session, "sample_time": sample_time, "jitter": jitter, **more}
+    options: dict[str, Any] = {"time": time, "session": session, "sample_time": sample_time, "jitter": jitter, **more}
     if grid is None:
         return tuple(part for path in paths for part in read_log(path, columns, **options))
     from .resampling import resample

@@ -37,7 +37,7 @@ _DECLARED = re.compile(
 def version() -> str:
     """Return the installed version. Raises ModelicaError if rumoca is not installed."""
     try:
-        import rumoca  # pyright: ignore[reportMissingImports]
+        import rumoca
 
         return importlib.metadata.version(rumoca.__name__)
     except ImportError:
@@ -82,7 +82,7 @@ def of_flat_file(file: Path, space: Space) -> Flattened:
 
 def _asked(path: str | os.PathLike[str], name: str, library: list[str], parameters: Mapping[str, Any]) -> str:
     number = version()
-    import rumoca  # pyright: ignore[reportMissingImports]
+    import rumoca
 
     source = Path(path).read_text(encoding="utf-8-sig", errors="replace")
     target = name

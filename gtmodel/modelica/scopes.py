@@ -284,10 +284,11 @@ class Space:
             left = [base for base, _ in self.bases()]
             seen: list[Space] = []
             while left:
-                around: Space | None = left.pop()
-                if around in seen:
+                heir = left.pop()
+                if heir in seen:
                     continue
-                left += [base for base, _ in around.bases()]
+                left += [base for base, _ in heir.bases()]
+                around: Space | None = heir
                 while around is not None:
                     seen.append(around)
                     for item in around.text.imports:

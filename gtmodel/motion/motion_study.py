@@ -167,7 +167,9 @@ def _study_of(
     force = problem.limits.force
     return MotionStudy(
         status=SolveStatus.SOLVED,
-        message="; ".join(filter(None, [f"{how(solution)} and re-simulated{finer}", *sentences, solution.reservation])),
+        message="; ".join(
+            x for x in (f"{how(solution)} and re-simulated{finer}", *sentences, solution.reservation) if x
+        ),
         objective=solution.objective,
         iterations=iterations,
         checks=checks,
@@ -303,6 +305,7 @@ def _table_of(rows: Sequence[TableRow], studies: list[MotionStudy], title: str) 
             "paths": partial(_paths, runs),
             "forces": partial(_forces, runs, rows[0].problem.limits.force),
         },
+        scenes=first.scenes,
         files={f"row_{n}_{name}": content for n, s in enumerate(studies, 1) for name, content in s.files.items()},
         machine_files=[f"row_{n}_{name}" for n, s in enumerate(studies, 1) for name in s.machine_files],
     )

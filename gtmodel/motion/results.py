@@ -175,11 +175,12 @@ class MotionTable(Study):
             return []
         rows: list[Row] = []
         for row, s in zip(self.asked, self.motions, strict=True):
-            printed = row.published
+            p = row.published
+            final_time, energy, iterations = (None,) * 3 if p is None else (p.final_time, p.energy, p.iterations)
             rows += [
-                Row(f"{row.name}: final time [s]", s.final_time, _published(printed and printed.final_time)),
-                Row(f"{row.name}: energy [s]", s.energy, _published(printed and printed.energy)),
-                Row(f"{row.name}: iterations", s.attempt_iterations, _published(printed and printed.iterations)),
+                Row(f"{row.name}: final time [s]", s.final_time, _published(final_time)),
+                Row(f"{row.name}: energy [s]", s.energy, _published(energy)),
+                Row(f"{row.name}: iterations", s.attempt_iterations, _published(iterations)),
                 Row(f"{row.name}: motors at their limit [%]", " ".join(f"{100 * x:.0f}" for x in s.saturation or ())),
             ]
             if len(s.optima or ()) > 1:

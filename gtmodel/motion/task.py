@@ -25,6 +25,7 @@ else:
     Path = hint("gtmodel.motion.paths", "Path")
 
 GUESS_TIME_S = 1.0
+Barrier = Literal["adaptive", "monotone"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +33,7 @@ class FurtherStart:
     """A guess, and the barrier strategy used with it if the problem's strategy is "auto"."""
 
     guess: Trajectory
-    barrier: Literal["adaptive", "monotone"] = "adaptive"
+    barrier: Barrier = "adaptive"
 
 
 def trapezoid(rows: int = 201) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -81,7 +82,8 @@ def further_starts(
     """Yield starts without end: the line bent to a random side and to the opposite side, the line with the other
     barrier strategy, the line without a profile, then further random bends with alternating strategies."""
     straight_starts = [FurtherStart(line, "monotone"), FurtherStart(bare_guess(start, goal))]
-    for barrier in cycle(("adaptive", "monotone")):
+    strategies: tuple[Barrier, ...] = ("adaptive", "monotone")
+    for barrier in cycle(strategies):
         bent = bent_guess(start, goal, rng, bend)
         _, s, _, _ = trapezoid()
         mirrored = 2 * (start + s[:, None] * (goal - start)) - bent["robot.T"]

@@ -120,7 +120,7 @@ def stiffness_figure(
         high = np.where(open_end, 2 * K, ends[:, 1])
         bars = np.abs(np.stack([K - ends[:, 0], high - K]))
         style = dict(color=COLOURS[m % 3], marker=MARKERS[m % 3], linestyle="none", markersize=5, capsize=3)
-        axes.errorbar(place[positive], K[positive], bars[:, positive], lolims=open_end[positive], label=name, **style)  # pyright: ignore[reportArgumentType]
+        axes.errorbar(place[positive], K[positive], bars[:, positive], lolims=open_end[positive], label=name, **style)
     if true is not None:
         k = np.arange(1, len(true) + 1)
         axes.hlines(true / 1e6, k - 0.3, k + 0.3, color="black", linewidth=0.8, label="true")

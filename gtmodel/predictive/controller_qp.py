@@ -84,25 +84,25 @@ class ControllerQP(StepFunction, Portable):
 
     def kernels(self, symbol: str) -> list[ca.Function]:
         """Return the operations of a stage and of the last one under their C names."""
-        return QPText(self.qp, symbol, self.qp.tolerance).kernels()
+        return QPText(self.qp, symbol).kernels()
 
     def text(self, symbol: str, real: Real) -> str:
         """Return the C text of init and step."""
-        qp, of = self.qp, QPText(self.qp, symbol, self.qp.tolerance_in(real))
+        qp, of = self.qp, QPText(self.qp, symbol, real)
         n, m, count, own, end = qp.stage.states, qp.stage.inputs, qp.count, of.own, of.end
         arrays, pointers = of.memory()
         known = {member.name for member in self.inputs}
         data, last_data = (f"in->{k}" if k in known else "none" for k in ("data", "last_data"))
         none = "" if {"data", "last_data"} <= known else "    const double none[1] = {0.0};\n"
-        finite = " || ".join(f"(gt_all_finite({i.address('in->')}, {i.count}) == 0)" for i in self.inputs)
+        finite = " || ".join(f"(gt_stage_qp_finite({i.address('in->')}, {i.count}) == 0)" for i in self.inputs)
         moved = "".join(
-            f"        gt_copy({to}, &state->{member}[{size if count > 1 else 0}], {(count - 1) * size});\n"
-            f"        gt_copy(&{to}[{(count - 1) * size}], &state->{member}[{(count - 1) * size}], {size});\n"
+            f"        gt_stage_qp_copy({to}, &state->{member}[{size if count > 1 else 0}], {(count - 1) * size});\n"
+            f"        gt_stage_qp_copy(&{to}[{(count - 1) * size}], &state->{member}[{(count - 1) * size}], {size});\n"
             for to, member, size in (("u", "plan", m), ("start", "sides", own))
             if size
         )
         if end:
-            moved += f"        gt_copy(&start[{count * own}], &state->sides[{count * own}], {end});\n"
+            moved += f"        gt_stage_qp_copy(&start[{count * own}], &state->sides[{count * own}], {end});\n"
         return (
             f"{of.table()}{init_text(symbol)}"
             f"{step_prototype(symbol)}\n{{\n    gt_stage_qp_work work;\n    gt_stage_qp_call call;\n"
@@ -110,13 +110,14 @@ class ControllerQP(StepFunction, Portable):
             f"    double start[{max(1, of.sides)}];\n{arrays}    int k;\n\n"
             f"    if ({finite}) {{\n        return GT_NOT_FINITE;\n    }}\n{pointers}    call.f = &{symbol}_qp;\n"
             f"    call.data = {data};\n    call.last_data = {last_data};\n    call.w = &work;\n"
-            f"    gt_copy(x, in->x, {n});\n    if (state->begun != 0) {{\n{moved}    }} else {{\n"
+            f"    gt_stage_qp_copy(x, in->x, {n});\n    if (state->begun != 0) {{\n{moved}    }} else {{\n"
             f"        for (k = 0; k < {count * m}; k++) {{\n            u[k] = 0.0;\n        }}\n    }}\n"
             "    status = gt_stage_qp_solve(&call, (state->begun != 0) ? start : 0, &found);\n"
             "    if (status == GT_OK) {\n"
-            f"        gt_copy(out->u, u, {m});\n        gt_copy(out->plan, u, {count * m});\n"
+            f"        gt_stage_qp_copy(out->u, u, {m});\n        gt_stage_qp_copy(out->plan, u, {count * m});\n"
             "        out->cost = found.cost;\n        out->iterations = found.iterations;\n"
-            f"        gt_copy(state->plan, u, {count * m});\n        gt_copy(state->sides, sides, {of.sides});\n"
+            f"        gt_stage_qp_copy(state->plan, u, {count * m});\n"
+            f"        gt_stage_qp_copy(state->sides, sides, {of.sides});\n"
             "        state->begun = 1;\n    }\n    return status;\n}\n\n"
         )
 

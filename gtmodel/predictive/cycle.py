@@ -82,8 +82,9 @@ class CycleTwin(StepTwin):
         before, d = state["x"], state["d"] if c.estimates else nothing
         if not begun:
             for _ in range(LOCATING):
-                (before,) = self._call("locate", before, y)
-        hat, d_hat, far = self._call("correct", before, d, y)
+                before = self._call("locate", before, y)[0]
+        near, *innovations = self._call("locate", before, y)
+        hat, d_hat, far = self._call("correct", before if c.estimates else near, d, *innovations)
         lost = 0
         if not (np.all(np.isfinite(y)) and far[0] <= 1 and np.all(np.isfinite(np.concatenate([hat, d_hat])))):
             hat, d_hat, lost = before, d, int(state["lost"]) + 1
@@ -181,13 +182,13 @@ def kernels_of(controller: Controller, symbol: str) -> list[ca.Function]:
     """Return the generated functions under their C names."""
     program = controller.program
     own = [called(getattr(program, name), f"{symbol}_{name}") for name in PARTS]
-    return [*own, *QPText(program.qp, symbol, 1.0).kernels()]
+    return [*own, *QPText(program.qp, symbol).kernels()]
 
 
 def _gathered(members: Any, target: str, struct: str = "in->") -> str:
     lines, first = [], 0
     for k in members:
-        lines.append(f"    gt_copy(&{target}[{first}], {k.address(struct)}, {k.count});\n")
+        lines.append(f"    gt_stage_qp_copy(&{target}[{first}], {k.address(struct)}, {k.count});\n")
         first += k.count
     return "".join(lines)
 
@@ -198,7 +199,7 @@ def _goals(controller: Controller, rows: int) -> str:
     for k in controller.goals:
         own = k.count // rows
         at = f"&{k.address('in->')}[k * {own}]" if k.size is not None else k.address("in->")
-        lines.append(f"        gt_copy(&p[(k * {size}) + {first}], {at}, {own});\n")
+        lines.append(f"        gt_stage_qp_copy(&p[(k * {size}) + {first}], {at}, {own});\n")
         first += own
     return f"    for (k = 0; k < {rows}; k++) {{\n{''.join(lines)}    }}\n" if lines else ""
 
@@ -206,7 +207,7 @@ def _goals(controller: Controller, rows: int) -> str:
 def text_of(controller: Controller, symbol: str, real: Real) -> str:
     """Return the C text of init and step."""
     c, program = controller, controller.program
-    qp, horizon, of = program.qp, program.horizon, QPText(program.qp, symbol, program.qp.tolerance_in(real))
+    qp, horizon, of = program.qp, program.horizon, QPText(program.qp, symbol, real)
     n, m, count, delay = qp.stage.states, qp.stage.inputs, qp.count, horizon.delay
     nd, np_, ny = program.d.numel(), program.statement.p.numel(), sum(k.count for k in c.readings)
     forces, shown = sum(k.count for k in c.commands), sum(k.count for k in c.shown)
@@ -214,7 +215,8 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
     arrays, pointers = of.memory()
     own = of.own
     numbers = {
-        "reading": ny, "p": rows * np_, "hat": n, "ahead": n, "d": nd, "next": n, "plan_x": (count + 1) * n,
+        "reading": ny, "innovation": ny, "own": ny, "near": n, "p": rows * np_, "hat": n, "ahead": n, "d": nd,
+        "next": n, "plan_x": (count + 1) * n,
         "plan_v": count * m, "start": of.sides, "data": count * qp.stage.numbers, "last_data": qp.last.numbers,
         "command": forces, "shown": shown, **({"sent": (delay + 2) * m} if c.before else {}),
     }  # fmt: skip
@@ -230,7 +232,8 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
             f"        for (k = 0; k < {(rows - 1) * size}; k++) {{\n"
             f"            {target}[k] = state->{member}[k] + ({decimal(c.share)} * (state->{member}[k + {size}] - "
             f"state->{member}[k]));\n        }}\n"
-            f"        gt_copy(&{target}[{(rows - 1) * size}], &state->{member}[{(rows - 1) * size}], {size});\n"
+            f"        gt_stage_qp_copy(&{target}[{(rows - 1) * size}], "
+            f"&state->{member}[{(rows - 1) * size}], {size});\n"
         )
 
     def call(name: str, arguments: list[str], results: list[str], indent: str = "    ") -> str:
@@ -244,7 +247,7 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
         + moved("start", "sides", own, count)
     )
     if of.end:
-        shift += f"        gt_copy(&start[{count * own}], &state->sides[{count * own}], {of.end});\n"
+        shift += f"        gt_stage_qp_copy(&start[{count * own}], &state->sides[{count * own}], {of.end});\n"
     old_d, commands = "state->d" if nd else "d", len(c.before)  # 1 or 0
     pair = [["sent", "&state->speeds"], [f"&sent[k * {m}]", "&state->speeds"]] if commands else [[], []]
     last = [f"&sent[{delay * m}]", "&state->speeds"][: 2 * commands]
@@ -253,29 +256,33 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
     late = (
         f"    for (k = 0; k < {delay}; k++) {{\n"
         + call("advance", ["ahead", f"&state->past[k * {m}]", "d", "p", *pair[1]], ["next"], "        ")
-        + f"        gt_copy(ahead, next, {n});\n    }}\n"
+        + f"        gt_stage_qp_copy(ahead, next, {n});\n    }}\n"
         if delay
         else ""
     )
     queue = (
         f"    for (k = 0; k < {(delay - 1) * m}; k++) {{\n        state->past[k] = state->past[k + {m}];\n    }}\n"
-        f"    gt_copy(&state->past[{(delay - 1) * m}], plan_v, {m});\n"
-        + (f"    gt_copy(state->sent, &sent[{m}], {delay * m});\n" if commands else "")
+        f"    gt_stage_qp_copy(&state->past[{(delay - 1) * m}], plan_v, {m});\n"
+        + (f"    gt_stage_qp_copy(state->sent, &sent[{m}], {delay * m});\n" if commands else "")
         if delay
         else ""
     )
     planned = [f"&plan_x[k * {n}]", f"&plan_v[k * {m}]", "d", at, f"&plan_x[(k + 1) * {n}]"]
     prepared = call("prepare", planned, [f"&data[k * {qp.stage.numbers}]"], "        ")
     start_finite = "".join(
-        f"    if (gt_all_finite({k.address('start->')}, {k.count}) == 0) {{\n        return GT_NOT_FINITE;\n    }}\n"
+        f"    if (gt_stage_qp_finite({k.address('start->')}, {k.count}) == 0) {{\n"
+        "        return GT_NOT_FINITE;\n    }\n"
         for k in c.start
     )
-    started = "".join(f"    gt_copy({k.address('state->')}, {k.address('start->')}, {k.count});\n" for k in c.start)
+    started = "".join(
+        f"    gt_stage_qp_copy({k.address('state->')}, {k.address('start->')}, {k.count});\n" for k in c.start
+    )
     earlier = "".join(
-        f"    gt_copy(&sent[{delay * m}], {k.address('in->')}, {m});\n"
-        f"    if (gt_all_finite(&sent[{delay * m}], {m}) == 0) {{\n        return GT_NOT_FINITE;\n    }}\n"
+        f"    gt_stage_qp_copy(&sent[{delay * m}], {k.address('in->')}, {m});\n"
+        f"    if (gt_stage_qp_finite(&sent[{delay * m}], {m}) == 0) {{\n        return GT_NOT_FINITE;\n    }}\n"
         + (f"    for (k = 0; k < {delay}; k++) {{\n"
-           f"        gt_copy(&sent[k * {m}], (state->begun != 0) ? &state->sent[k * {m}] : &sent[{delay * m}], {m});\n"
+           f"        gt_stage_qp_copy(&sent[k * {m}], "
+           f"(state->begun != 0) ? &state->sent[k * {m}] : &sent[{delay * m}], {m});\n"
            "    }\n" if delay else "")
         for k in c.before
     )  # fmt: skip
@@ -288,23 +295,27 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
         f"    double clipped = 0.0;\n    int lost = 0;\n    int failed = 0;\n"
         f"    int k;\n{'    int j;' + chr(10) if qp.stage.sides else ''}{locals_}{arrays}\n"
         f"{_gathered(c.readings, 'reading')}{_goals(c, rows)}"
-        f"    if (gt_all_finite(p, {rows * np_}) == 0) {{\n        return GT_NOT_FINITE;\n    }}\n"
+        f"    if (gt_stage_qp_finite(p, {rows * np_}) == 0) {{\n        return GT_NOT_FINITE;\n    }}\n"
         f"{earlier}    /* the reading */\n"
-        f"    gt_copy(d, {old_d}, {nd});\n"
-        + f"    gt_copy(next, state->x, {n});\n    if (state->begun == 0) {{\n"
+        f"    gt_stage_qp_copy(d, {old_d}, {nd});\n"
+        + f"    gt_stage_qp_copy(next, state->x, {n});\n    if (state->begun == 0) {{\n"
         f"        for (k = 0; k < {LOCATING}; k++) {{\n"
-        + call("locate", ["next", "reading"], ["hat"], "            ")
-        + f"            gt_copy(next, hat, {n});\n        }}\n    }}\n"
-        + call("correct", ["next", old_d, "reading"], ["hat", "d", "&far"])
-        + f"    if ((gt_all_finite(reading, {ny}) == 0) || !(far <= 1.0) || (gt_all_finite(hat, {n}) == 0)\n"
-        f"        || (gt_all_finite(d, {nd}) == 0)) {{\n"
-        f"        gt_copy(hat, next, {n});\n        gt_copy(d, {old_d}, {nd});\n        lost = state->lost + 1;\n"
+        + call("locate", ["next", "reading"], ["hat", "innovation", "own"], "            ")
+        + f"            gt_stage_qp_copy(next, hat, {n});\n        }}\n    }}\n"
+        + call("locate", ["next", "reading"], ["near", "innovation", "own"])
+        + call("correct", ["next" if nd else "near", old_d, "innovation", "own"], ["hat", "d", "&far"])
+        + f"    if ((gt_stage_qp_finite(reading, {ny}) == 0) || !(far <= 1.0) || (gt_stage_qp_finite(hat, {n}) == 0)\n"
+        f"        || (gt_stage_qp_finite(d, {nd}) == 0)) {{\n"
+        f"        gt_stage_qp_copy(hat, next, {n});\n        gt_stage_qp_copy(d, {old_d}, {nd});\n"
+        "        lost = state->lost + 1;\n"
         "        if (state->begun == 0) {\n            return GT_NOT_FINITE;\n        }\n"
         f"        if (lost > {horizon.patience}) {{\n            return GT_STALE_INPUT;\n        }}\n    }}\n"
-        f"    /* the delay */\n    gt_copy(ahead, hat, {n});\n{late}"
+        f"    /* the delay */\n    gt_stage_qp_copy(ahead, hat, {n});\n{late}"
         f"    /* the last plan, moved on */\n    if (state->begun != 0) {{\n{shift}    }} else {{\n"
-        f"        for (k = 0; k <= {count}; k++) {{\n            gt_copy(&plan_x[k * {n}], ahead, {n});\n        }}\n"
-        f"        for (k = 0; k < {count}; k++) {{\n            gt_copy(&plan_v[k * {m}], first, {m});\n        }}\n"
+        f"        for (k = 0; k <= {count}; k++) {{\n"
+        f"            gt_stage_qp_copy(&plan_x[k * {n}], ahead, {n});\n        }}\n"
+        f"        for (k = 0; k < {count}; k++) {{\n"
+        f"            gt_stage_qp_copy(&plan_v[k * {m}], first, {m});\n        }}\n"
         f"    }}\n    for (k = 0; k < {count}; k++) {{\n"
         + prepared
         + "    }\n"
@@ -317,26 +328,26 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
         "    if (status == GT_OK) {\n"
         f"        for (k = 0; k < {(count + 1) * n}; k++) {{\n            plan_x[k] += x[k];\n        }}\n"
         f"        for (k = 0; k < {count * m}; k++) {{\n            plan_v[k] += u[k];\n        }}\n"
-        f"        gt_copy(start, sides, {of.sides});\n    }} else {{\n        failed = state->failed + 1;\n"
+        f"        gt_stage_qp_copy(start, sides, {of.sides});\n    }} else {{\n        failed = state->failed + 1;\n"
         f"        if ((state->begun == 0) || (failed > {horizon.patience})) {{\n"
         "            return status;\n        }\n"
         "    }\n    /* the output */\n"
         + call("command", ["ahead", "plan_v", "d", "p", *last], ["command", "&clipped", "shown", *new])
         + call("advance", ["hat", now, "d", "p", *pair[0]], ["next"])
-        + f"    if ((gt_all_finite(command, {forces}) == 0) || (gt_all_finite(&clipped, 1) == 0)\n"
-        f"        || (gt_all_finite(shown, {shown}) == 0) || (gt_all_finite(next, {n}) == 0)"
-        + "".join(f"\n        || (gt_all_finite({a}, {m}) == 0)" for a in new) + ") {\n"
+        + f"    if ((gt_stage_qp_finite(command, {forces}) == 0) || (gt_stage_qp_finite(&clipped, 1) == 0)\n"
+        f"        || (gt_stage_qp_finite(shown, {shown}) == 0) || (gt_stage_qp_finite(next, {n}) == 0)"
+        + "".join(f"\n        || (gt_stage_qp_finite({a}, {m}) == 0)" for a in new) + ") {\n"
         "        return GT_NOT_FINITE;\n    }\n"
         + _scattered(c.commands, "command") + _scattered(c.sent, "sent", (delay + 1) * m) + _scattered(c.shown, "shown")
-        + "    out->clipped = clipped;\n    out->cost = (gt_all_finite(&found.cost, 1) != 0) ? found.cost : 0.0;\n"
+        + "    out->clipped = clipped;\n    out->cost = (gt_stage_qp_finite(&found.cost, 1) != 0) ? found.cost : 0.0;\n"
         "    out->iterations = found.iterations;\n    out->failed = failed;\n    out->lost = lost;\n"
         + _diagnostics(qp, own)
-        + f"    gt_copy(state->x, next, {n});\n{queue}    state->lost = lost;\n    state->failed = failed;\n"
+        + f"    gt_stage_qp_copy(state->x, next, {n});\n{queue}    state->lost = lost;\n    state->failed = failed;\n"
         "    state->begun = 1;\n"
-        + (f"    gt_copy(state->d, d, {nd});\n" if nd else "")
-        + f"    gt_copy(state->plan_x, plan_x, {(count + 1) * n});\n"
-        f"    gt_copy(state->plan_v, plan_v, {count * m});\n"
-        + (f"    gt_copy(state->sides, start, {of.sides});\n" if of.sides else "")
+        + (f"    gt_stage_qp_copy(state->d, d, {nd});\n" if nd else "")
+        + f"    gt_stage_qp_copy(state->plan_x, plan_x, {(count + 1) * n});\n"
+        f"    gt_stage_qp_copy(state->plan_v, plan_v, {count * m});\n"
+        + (f"    gt_stage_qp_copy(state->sides, start, {of.sides});\n" if of.sides else "")
         + "    return GT_OK;\n}\n\n"
     )  # fmt: skip
 
@@ -346,8 +357,8 @@ def _diagnostics(qp: StageQP, own: int) -> str:
     limits = len(qp.stage.sides)
     text = (
         "    out->residual = -1.0;\n"
-        "    if ((gt_all_finite(&found.gap, 1) != 0) && (gt_all_finite(&found.residual, 1) != 0)\n"
-        "        && (gt_all_finite(&found.gradient, 1) != 0) && (gt_all_finite(&found.cost, 1) != 0)) {\n"
+        "    if ((gt_stage_qp_finite(&found.gap, 1) != 0) && (gt_stage_qp_finite(&found.residual, 1) != 0)\n"
+        "        && (gt_stage_qp_finite(&found.gradient, 1) != 0) && (gt_stage_qp_finite(&found.cost, 1) != 0)) {\n"
         "        const double size = 1.0 + ((found.cost < 0.0) ? -found.cost : found.cost);\n\n"
         "        out->residual = found.residual;\n"
         "        out->residual = ((found.gap / size) > out->residual) ? (found.gap / size) : out->residual;\n"
@@ -367,6 +378,6 @@ def _diagnostics(qp: StageQP, own: int) -> str:
 def _scattered(members: Any, source: str, first: int = 0) -> str:
     lines = []
     for k in members:
-        lines.append(f"    gt_copy({k.address('out->')}, &{source}[{first}], {k.count});\n")
+        lines.append(f"    gt_stage_qp_copy({k.address('out->')}, &{source}[{first}], {k.count});\n")
         first += k.count
     return "".join(lines)

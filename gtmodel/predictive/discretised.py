@@ -21,6 +21,7 @@ from ..filtering.manifold import Manifold, StatePart
 from ..filtering.transition import runge_kutta
 from ..linear.state_space import settled_covariance
 from ..results.refusal import ArgumentError
+from .kernels import loops
 from .options import FOREVER, AxisServo, ControlHorizon, Measurement, numbers
 from .servo import ServoedAxes
 from .stage import HorizonStage, LimitedRow
@@ -97,8 +98,9 @@ class Discretised(Portable):
     """The program of a statement and all functions of a cycle.
 
     advance   x v d p            -> x after one period; under a servo also by two positions sent, and speeds
-    locate    x y                -> x closer to the reading: a step of Gauss and Newton
-    correct   x d y              -> x d, largest innovation over its jump
+    locate    x y                -> x closer to the reading, by a step of Gauss and Newton; innovations, and those
+                                    that the gains take: at the slope of the targets
+    correct   x d innovations    -> x d, largest innovation over its jump
     prepare   x v d p following  -> data of a stage; following: the planned state after it
     finish    x d p              -> data of the last stage
     command   x v d p            -> inputs of the model within their limits, what these cut off, outputs; for a servo
@@ -190,8 +192,9 @@ class Discretised(Portable):
     @property
     def operations(self) -> int:
         """Operations of a cycle with ten iterations."""
-        often = {"given": 0, "grade": 1, "factor": 1}
-        each = sum(often.get(k, 2) * f.n_instructions() for k, f in self.qp.kernels[0].items())
+        often = {"given": 0, "pull": 2, "move": 2, "offset": 2, "fed": 2}
+        functions = self.qp.kernels[0] | loops(self.qp.stage)
+        each = sum(often.get(k, 1) * f.n_instructions() for k, f in functions.items())
         each += OF_A_SIDE * self.qp.stage.positives
         return self.horizon.stages * (self.prepare.n_instructions() + 10 * each)
 
@@ -261,12 +264,16 @@ class Discretised(Portable):
         return Observer(gain[:n], gain[n:], jump, C)
 
     def _location(self) -> ca.Function:
-        s = self.statement
-        if self.observer is None:
+        s, o = self.statement, self.observer
+        if o is None:
             y = SX.sym("y", s.x.numel())
-            return _functions("locate", [s.x, y], [y])
+            return _functions("locate", [s.x, y], [y, SX(0, 1), SX(0, 1)])
         y = SX.sym("y", s.measured.numel())
-        return _functions("locate", [s.x, y], [s.x + self._towards(y)])
+        error, step, slope = y - s.measured, self._towards(y), ca.jacobian(s.measured, s.x)
+        own = error
+        if ca.depends_on(slope, s.x):  # the gains are those of the slope at the targets
+            own = error + ca.mtimes(SX(o.slope) - slope, step)
+        return _functions("locate", [s.x, y], [s.x + step, error, own])
 
     def _towards(self, y: Any) -> Any:
         """Change of the state towards a reading: a step of Gauss and Newton."""
@@ -279,20 +286,15 @@ class Discretised(Portable):
         return ca.mtimes(J.T, ca.solve(inner, e)) if k <= n else ca.solve(inner, ca.mtimes(J.T, e))
 
     def _correction(self) -> ca.Function:
-        s, n = self.statement, self.statement.x.numel()
-        if self.observer is None:
-            y = SX.sym("y", n)
-            return _functions("correct", [s.x, self.d, y], [y, self.d, SX(0)])
-        y, o = SX.sym("y", s.measured.numel()), self.observer
-        e = y - s.measured
+        s, o = self.statement, self.observer
+        if o is None:
+            return _functions("correct", [s.x, self.d, SX(0, 1), SX(0, 1)], [s.x, self.d, SX(0)])
+        e, own = SX.sym("e", s.measured.numel()), SX.sym("own", s.measured.numel())
         far = SX(0)
         for k in np.flatnonzero(o.jump < FOREVER).tolist():  # which float cannot hold
             far = ca.fmax(far, ca.fabs(e[k]) / float(o.jump[k]))
-        slope = ca.jacobian(s.measured, s.x)
-        if ca.depends_on(slope, s.x):  # the gains are those of the slope at the targets
-            e += ca.mtimes(SX(o.slope) - slope, self._towards(y))
-        x, d = s.x + ca.mtimes(SX(o.x), e), self.d + ca.mtimes(SX(o.d), e)
-        return _functions("correct", [s.x, self.d, y], [x, d, far])
+        x, d = s.x + ca.mtimes(SX(o.x), own), self.d + ca.mtimes(SX(o.d), own)
+        return _functions("correct", [s.x, self.d, e, own], [x, d, far])
 
 
 def _bounded(e: Any, low: float, high: float) -> Any:

@@ -7,8 +7,9 @@ dynamics, so that these always hold.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -17,15 +18,18 @@ import numpy as np
 from ..cgen.newton_steps import run
 from ..cgen.real import DOUBLE, Real
 from ..results.status import Status
+from .kernels import loops
 from .stage import HorizonStage
 
 FIRST, AGAIN = 300.0, 1.0  # first products: their sum over 1 + |cost|, without and with a start
 COLD = 1.0  # least distance at the beginning
 TO_BOUNDARY = 0.995
-ENOUGH = 0.1  # the gap is not made smaller than this share of its tolerance
+# the gap is not made smaller than this share of its tolerance: weights beyond only round off, in float to lost pivots
+ENOUGH = {"double": 0.1, "float": 0.5}
 GRADIENT = 10.0  # tolerances: the gradient, over that of the gap
 
 Columns = list[np.ndarray]
+Chain = Callable[..., list[Any]]  # of the call of a function by name, then what is carried, then the arguments
 
 
 class _Called:
@@ -44,7 +48,7 @@ class _Called:
         )
         for flat, use in zip(self._flat, (buffer.set_arg, buffer.set_res), strict=True):
             for k, a in enumerate(flat):
-                use(k, a.data)
+                use(k, a.data)  # pyrefly: ignore[missing-argument]
 
     def __call__(self, *arguments: Any) -> Columns:
         for own, given in zip(self.arguments, arguments, strict=True):
@@ -55,10 +59,16 @@ class _Called:
 
 
 class StageEvaluator:
-    """Functions of a stage on the columns of all stages."""
+    """Functions of a stage on the columns of all stages.
 
-    def __init__(self, functions: dict[str, ca.Function], count: int, real: Real) -> None:
-        self.functions, self.count, self.real = functions, count, real
+    `chains`: name -> operations of a stage in terms of the functions. CasADi must not simplify what one function does
+    with the results of another: C does not either.
+    """
+
+    def __init__(
+        self, functions: dict[str, ca.Function], count: int, real: Real, chains: Mapping[str, Chain] | None = None
+    ) -> None:
+        self.functions, self.count, self.real, self.chains = functions, count, real, chains or {}
         self._built: dict[str, _Called] = {}
 
     def each(self, name: str, *arguments: Any) -> Columns:
@@ -73,25 +83,28 @@ class StageEvaluator:
             self._built[name] = _Called(f.map(self.count))
         return self._built[name](*arguments)
 
-    def along(self, name: str, carried: Sequence[Any], *arguments: Any) -> Columns:
-        """Evaluate stage after stage: the first results go into the first arguments of the next stage. Returns the
-        results of every stage; matrices of several columns lie side by side."""
-        f, size = self.functions[name], len(carried)
+    def along(self, name: str, carried: np.ndarray, *arguments: Any) -> Columns:
+        """Evaluate a chain stage after stage: the first result goes into the first argument of the next stage. Returns
+        the results of every stage."""
+        chain = self.chains[name]
         if self.real is DOUBLE:
             if name not in self._built:
-                self._built[name] = _Called(f.mapaccum(name, self.count, size))
-            return self._built[name](*carried, *arguments)
-        now, results = [np.reshape(c, (-1, 1)) for c in carried], []
+                f = self._chained(name, chain, [len(a) for a in (carried, *arguments)])
+                self._built[name] = _Called(f.mapaccum(name, self.count))
+            return self._built[name](carried, *arguments)
+        now, results = np.reshape(carried, (-1, 1)), []
         for k in range(self.count):
-            own = [_part(a, f.size2_in(size + i), k) for i, a in enumerate(arguments)]
-            evaluated = run(f, [*now, *own])
-            now = evaluated[:size]
-            results.append([r.reshape(f.size_out(i), order="F") for i, r in enumerate(evaluated)])
+            evaluated = chain(self._run, now, *[a[:, k : k + 1] for a in arguments])
+            now = evaluated[0]
+            results.append(evaluated)
         return [np.concatenate(r, axis=1) for r in zip(*results, strict=True)]
 
+    def _run(self, name: str, *arguments: np.ndarray) -> Columns:
+        return run(self.functions[name], arguments)
 
-def _part(argument: np.ndarray, width: int, k: int) -> np.ndarray:
-    return argument[:, width * k : width * (k + 1)].reshape(-1, 1, order="F")
+    def _chained(self, name: str, chain: Chain, sizes: Sequence[int]) -> ca.Function:
+        given = [ca.MX.sym("a", size) for size in sizes]
+        return ca.Function(name, given, chain(lambda of, *a: self.functions[of].call(list(a)), *given))
 
 
 @dataclass(frozen=True)
@@ -243,8 +256,9 @@ class InteriorPoint:
     ) -> None:  # fmt: skip
         self.real, self.count, self.stage, self.last = real, count, stage, last
         self.tolerance, self.max_iterations = real.dtype(tolerance), max_iterations
-        self.of = StageEvaluator(functions[0] | _chained(functions[0]), count, real)
-        self.end = StageEvaluator(functions[1], 1, real)
+        self.enough = real.dtype(enough(tolerance, real))
+        self.of = StageEvaluator(functions[0] | loops(stage), count, real, _chains(stage.inputs))
+        self.end = StageEvaluator(functions[1] | loops(last), 1, real)
         products = count * stage.positives // 2 + last.positives // 2
         self.products = real.dtype(max(products, 1))
 
@@ -257,9 +271,10 @@ class InteriorPoint:
     def _solved(self, x: np.ndarray, p: np.ndarray, q: np.ndarray, start: tuple[np.ndarray, ...] | None) -> LastIterate:
         of, end, one, zero = self.of, self.end, self.real.dtype(1.0), self.real.dtype(0.0)
         u = np.zeros((self.stage.inputs, self.count), self.real.dtype) if start is None else start[0]
-        after, y, bound = of.along("follow", [x], p, u)
+        (bound, entries, b), (bound_end, entries_end) = of.each("given", p), end.each("given", q)
+        after, y = of.along("follow", x, p, u, b)
         states = np.column_stack([x, after])
-        (bound_end,), (y_end,) = end.each("given", q), end.each("move", q, states[:, -1:])
+        (y_end,) = end.each("move", q, states[:, -1:])
         cost, by_x, by_u, by_end = self._graded(p, q, states, u)
         at, at_end = _Limits(self.stage, self.count, self.real), _Limits(self.last, 1, self.real)
         centre = self.real.dtype(FIRST if start is None else AGAIN) * (one + abs(cost)) / self.products
@@ -278,27 +293,27 @@ class InteriorPoint:
             status = self._judged(gap, residual, gradient, total)
             if status == Status.OK or iteration == self.max_iterations:
                 (g,) = end.each("pull", q, at_end.multiplied(), by_end)
-                h = of.along("pulled", [g], _back(p), _back(at.multiplied()), _back(by_x), _back(by_u))[1]
+                h = of.along("pulled", g, _back(p), _back(at.multiplied()), _back(by_x), _back(by_u))[1]
                 gradient = gradient + _sum(zero, np.abs(h))
                 status = self._judged(gap, residual, gradient, total)
             if status != Status.NOT_CONVERGED or iteration == self.max_iterations:
                 break
             iteration += 1
             (weight, slope), (weight_end, slope_end) = at.weighed(), at_end.weighed()
-            P = end.each("factor", q, weight_end)
-            factor = of.along("factored", P, _back(p), _back(weight))
-            if not np.all(factor[4] > 0):
+            (P,) = end.each("thickened", *end.each("factor", q), entries_end, weight_end)
+            *gains, pivot = of.along("factored", P, _back(p), _back(entries), _back(weight))[1:]
+            if not np.all(pivot > 0):
                 status = Status.SINGULAR
                 break
-            _, du, dy, dy_end = self._stepped(p, q, slope, slope_end, by_x, by_u, by_end, factor)
+            _, du, dy, dy_end = self._stepped(p, q, slope, slope_end, by_x, by_u, by_end, gains)
             (minus, least, most), (minus_end, least_end, most_end) = at.tried(dy), at_end.tried(dy_end)
             reach = _larger(-min(least, least_end), one + max(most, most_end))
             length = one / _larger(reach, one)
             ratio = _larger(one - length - length * (length * (_sum(zero, minus, minus_end) / gap)), zero)
-            enough = self.real.dtype(ENOUGH) * (self.tolerance * (one + abs(total)))
-            centre = _larger(ratio * (ratio * (ratio * gap)), enough) / self.products
+            least = self.enough * (one + abs(total))
+            centre = _larger(ratio * (ratio * (ratio * gap)), least) / self.products
             slope, slope_end = at.aimed(centre), at_end.aimed(centre)
-            dx, du, dy, dy_end = self._stepped(p, q, slope, slope_end, by_x, by_u, by_end, factor)
+            dx, du, dy, dy_end = self._stepped(p, q, slope, slope_end, by_x, by_u, by_end, gains)
             reach, boundary = -min(at.changed(dy), at_end.changed(dy_end)), self.real.dtype(TO_BOUNDARY)
             length = boundary / _larger(reach, boundary)
             states, u, y, y_end = (a + length * b for a, b in ((states, dx), (u, du), (y, dy), (y_end, dy_end)))
@@ -325,42 +340,60 @@ class InteriorPoint:
         return _sum(self.real.dtype(0.0), cost, cost_end), by_x, by_u, by_end
 
     def _stepped(
-        self, p: Any, q: Any, slope: Any, slope_end: Any, by_x: Any, by_u: Any, by_end: Any, factor: Columns
+        self, p: Any, q: Any, slope: Any, slope_end: Any, by_x: Any, by_u: Any, by_end: Any, gains: Columns
     ) -> Columns:
-        """Steps of states, inputs and rows."""
-        K, lower, inverse = factor[1:4]
+        """Steps of states, inputs and rows; `gains`: with the inverse pivots, the last stage first."""
+        gain, inverse = gains
         (g,) = self.end.each("pull", q, slope_end, by_end)
-        k = self.of.along("backward", [g], _back(p), _back(slope), _back(by_x), _back(by_u), K, lower, inverse)[1]
+        k = self.of.along("backward", g, _back(p), _back(slope), _back(by_x), _back(by_u), gain, inverse)[1]
         still = np.zeros((self.stage.states, 1), self.real.dtype)
-        after, du, dy = self.of.along("forward", [still], p, _blocks_back(K, self.count), _back(k))
+        after, du, dy = self.of.along("forward", still, p, _back(gain), _back(k))
         return [np.column_stack([still, after]), du, dy, *self.end.each("move", q, after[:, -1:])]
 
 
-def _chained(f: dict[str, ca.Function]) -> dict[str, ca.Function]:
-    """Kernels in the order of C, which loops over the stages: what is carried comes first."""
-    p, x, u = f["move"].sx_in()
-    _, slope, by_x, by_u, g = f["pull"].sx_in()
-    _, weight, P = f["factor"].sx_in()
-    _, _, K, lower, inverse = f["offset"].sx_in()
-    k = f["feed"].sx_in()[2]
-    bound, b = f["given"].call([p])
-    y, after = f["move"].call([p, x, u])
-    pulled = f["pull"].call([p, slope, by_x, by_u, g])
-    du = f["feed"].call([x, K, k])[0]
-    dy, dx = f["move"].call([p, x, du])
-    made = {
-        "follow": ([x, p, u], [after + b, y, bound]),
-        "pulled": ([g, p, slope, by_x, by_u], pulled),
-        "factored": ([P, p, weight], f["factor"].call([p, weight, P])),
-        "backward": ([g, p, slope, by_x, by_u, K, lower, inverse], f["offset"].call([*pulled, K, lower, inverse])),
-        "forward": ([x, p, K, k], [dx, du, dy]),
-    }
-    return {name: ca.Function(name, given, results) for name, (given, results) in made.items()}
+def enough(tolerance: float, real: Real) -> float:
+    """Return the gap that is aimed at where it is already below its tolerance, relative to 1 + |cost|."""
+    return ENOUGH[real.name] * tolerance
+
+
+def _follow(call: Any, x: Any, p: Any, u: Any, b: Any) -> list[Any]:
+    y, after = call("move", p, x, u)
+    return [after + b, y]
+
+
+def _pulled(call: Any, g: Any, p: Any, slope: Any, by_x: Any, by_u: Any) -> list[Any]:
+    return call("pull", p, slope, by_x, by_u, g)
+
+
+def _factored(inputs: int, call: Any, P: Any, p: Any, entries: Any, weight: Any) -> list[Any]:
+    (H,) = call("thickened", *call("factor", p, P), entries, weight)
+    (least,) = call("least", H)
+    results = []
+    for j in reversed(range(inputs)):
+        inverse, room = call(f"pivot_{j}", H, least)
+        H, gain = call(f"left_{j}", H, inverse)
+        results.insert(0, (gain, inverse, room))
+    return [H, *map(_stacked, zip(*results, strict=True))]
+
+
+def _stacked(parts: Sequence[Any]) -> Any:
+    return np.concatenate(parts) if isinstance(parts[0], np.ndarray) else ca.vertcat(*parts)
+
+
+def _backward(call: Any, g: Any, p: Any, slope: Any, by_x: Any, by_u: Any, gain: Any, inverse: Any) -> list[Any]:
+    return call("offset", *call("pull", p, slope, by_x, by_u, g), gain, inverse)
+
+
+def _forward(call: Any, dx: Any, p: Any, gain: Any, offset: Any) -> list[Any]:
+    (du,) = call("fed", dx, gain, offset)
+    dy, after = call("move", p, dx, du)
+    return [after, du, dy]
+
+
+def _chains(inputs: int) -> dict[str, Chain]:
+    return {"follow": _follow, "pulled": _pulled, "factored": partial(_factored, inputs), "backward": _backward,
+            "forward": _forward}  # fmt: skip
 
 
 def _back(columns: np.ndarray) -> np.ndarray:
     return columns[:, ::-1]
-
-
-def _blocks_back(K: np.ndarray, count: int) -> np.ndarray:
-    return np.concatenate(np.split(K, count, axis=1)[::-1], axis=1)

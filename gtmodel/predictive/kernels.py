@@ -19,79 +19,125 @@ import casadi as ca
 from .stage import HorizonStage
 
 SX = ca.SX
-KERNELS = ("given", "grade", "pull", "move", "factor", "offset", "feed")
-PIVOT = 1e-13  # least share of a diagonal entry of the Hessian of the inputs that is left after elimination
+KERNELS = ("given", "grade", "pull", "move", "factor")
+PIVOT = 1e-13  # least share of a diagonal entry of the Hessian of the inputs left after elimination: GT_STAGE_QP_PIVOT
 
 
 def kernels(stage: HorizonStage) -> dict[str, ca.Function]:
     """Return the functions of a stage by name.
 
-    given    p                        -> bounds of the limits, state after x = 0, u = 0
+    given    p                        -> bounds of the limits, entries of the rows, state after x = 0, u = 0
     grade    p x u                    -> cost without prices, its derivatives by x and u
     pull     p slope by_x by_u g      -> derivatives by x and u, with g the one by the state after
     move     p dx du                  -> dy, dx after
-    factor   p weight P               -> P K lower inverse pivot
-    offset   g h K lower inverse      -> g k; h: derivatives by u
-    feed     dx K k                   -> du
+    factor   p P                      -> Hessian of x and u without the rows
 
-    p: data. P: upper triangle of the symmetric Hessian of what follows, by columns. Hessian of du: lower *
-    diag(1 / inverse) * lower', unit lower triangle by columns; pivot: above zero if enough of the diagonal of the
-    Hessian is left. The last stage has no input, and nothing follows it: the first five functions have the first
-    arguments and results only, the others are missing.
+    p: data. P: upper triangle of the symmetric Hessian of what follows, by columns; the result is one too. The last
+    stage has no input, and nothing follows it: its functions have the first arguments and results only.
     """
     M, p, x, n, ny = stage.matrices, stage.data, stage.x, stage.states, len(stage.rows)
     A, B, b, Q, R, S, q, r, C, D = (M[k] for k in ("A", "B", "b", "Q", "R", "S", "q", "r", "C", "D"))
     u = SX(0, 1) if stage.u is None else stage.u
     m, followed = u.numel(), stage.after is not None
-    slope, weight, g, P = (SX.sym(k, size) for k, size in (
-        ("slope", ny), ("weight", ny), ("g", n), ("P", n * (n + 1) // 2)
-    ))  # fmt: skip
+    slope, g, P = SX.sym("slope", ny), SX.sym("g", n), SX.sym("P", n * (n + 1) // 2)
     by_x, by_u, dx, du = SX.sym("by_x", n), SX.sym("by_u", m), SX.sym("dx", n), SX.sym("du", m)
     r = ca.reshape(r, m, 1)
     to_x, to_u = ca.mtimes(Q, x) + ca.mtimes(S.T, u) + q, ca.mtimes(S, x) + ca.mtimes(R, u) + r
     cost = (ca.dot(x, to_x + q) + ca.dot(u, to_u + r)) / 2 + M["constant"]
-    CW, DW = ca.mtimes(C.T, ca.diag(weight)), ca.mtimes(D.T, ca.diag(weight))
-    H_xx, h_x = Q + ca.mtimes(CW, C), by_x + ca.mtimes(C.T, slope)
-    bounds = _column([side.bound for side in stage.sides])
-    moved = ca.mtimes(C, dx) + ca.mtimes(D, du)
+    bounds, moved = _column([side.bound for side in stage.sides]), ca.mtimes(C, dx) + ca.mtimes(D, du)
+    rows = ca.horzcat(C, D)
+    entries = _column([rows[i, first + j] for i, (first, size) in enumerate(ranges(stage)) for j in range(size)])
+    h_x = by_x + ca.mtimes(C.T, slope)
     if not followed:
         return {
-            "given": _function("given", [p], [bounds]),
+            "given": _function("given", [p], [bounds, entries]),
             "grade": _function("grade", [p, x], [cost, to_x]),
             "pull": _function("pull", [p, slope, by_x], [h_x]),
             "move": _function("move", [p, dx], [moved]),
-            "factor": _function("factor", [p, weight], [_upper(H_xx)]),
+            "factor": _function("factor", [p], [_upper(Q)]),
         }
-    follows = _symmetric(P, n)
-    PA, PB = ca.mtimes(follows, A), ca.mtimes(follows, B)
-    H_xx += ca.mtimes(A.T, PA)
-    H_ux = S + ca.mtimes(B.T, PA) + ca.mtimes(DW, C)
-    H_uu = R + ca.mtimes(B.T, PB) + ca.mtimes(DW, D)
-    L, d = _factored(H_uu)
-    forward = _forward(L, H_ux)
-    gains = -_backward(L, 1 / d, forward)
-    before = H_xx - ca.mtimes(forward.T, ca.mtimes(ca.diag(1 / d), forward))
-    below = _column([L[i, j] for j in range(m) for i in range(j + 1, m)])
-    h, K, k = SX.sym("h", m), SX.sym("K", m, n), SX.sym("k", m)
-    lower, inverse = SX.sym("lower", m * (m - 1) // 2), SX.sym("inverse", m)
-    again = _unit_lower(lower, m)
+    G, follows = ca.horzcat(A, B), _symmetric(P, n)
+    whole = ca.blockcat(Q, S.T, S, R) + ca.mtimes(G.T, ca.mtimes(follows, G))
     return {
-        "given": _function("given", [p], [bounds, b]),
+        "given": _function("given", [p], [bounds, entries, b]),
         "grade": _function("grade", [p, x, u], [cost, to_x, to_u]),
         "pull": _function(
             "pull", [p, slope, by_x, by_u, g],
             [h_x + ca.mtimes(A.T, g), by_u + ca.mtimes(D.T, slope) + ca.mtimes(B.T, g)],
         ),
         "move": _function("move", [p, dx, du], [moved, ca.mtimes(A, dx) + ca.mtimes(B, du)]),
-        "factor": _function(
-            "factor", [p, weight, P], [_upper(before), gains, below, 1 / d, d - PIVOT * ca.diag(H_uu)]
-        ),
-        "offset": _function(
-            "offset", [g, h, K, lower, inverse],
-            [g + ca.mtimes(K.T, h), -_backward(again, inverse, _forward(again, h))],
-        ),
-        "feed": _function("feed", [dx, K, k], [k + ca.mtimes(K, dx)]),
+        "factor": _function("factor", [p, P], [_upper(whole)]),
     }  # fmt: skip
+
+
+def ranges(stage: HorizonStage) -> list[tuple[int, int]]:
+    """Return the first variable of each row (states, then inputs) and the number of those to its last one."""
+    rows = ca.horzcat(stage.matrices["C"], stage.matrices["D"])
+    across = [[j for j in range(rows.shape[1]) if not rows[i, j].is_zero()] or [0] for i in range(rows.shape[0])]
+    return [(at[0], at[-1] - at[0] + 1) for at in across]
+
+
+def loops(stage: HorizonStage) -> dict[str, ca.Function]:
+    """Return what C does in loops (gt_stage_qp_factor.h, gt_stage_qp_riccati.h), for a stage as for the last one.
+
+    thickened   H entries weight     -> H, with the rows times their weights
+    least       H                    -> least pivots of the inputs
+    pivot_J     H least              -> 1 / pivot of input J, pivot - least one
+    left_J      H inverse            -> H without input J, its gains
+    offset      h_x h_u gain inverse -> g, change of the inputs
+    fed         dx gain offset       -> du
+
+    CasADi would replace the product with an inverse by a division: hence pivot_J and left_J. An input has a gain for
+    each state and each input before it, of the step dx, not of x.
+    """
+    n, m, across = stage.states, stage.inputs, ranges(stage)
+    size = n + m
+    H, weight = SX.sym("H", size * (size + 1) // 2), SX.sym("weight", len(across))
+    entries = SX.sym("entries", sum(count for _, count in across))
+    upper, at = _symmetric(H, size), 0
+    for i, (first, count) in enumerate(across):
+        own = entries[at : at + count]
+        for j in range(count):
+            by = own[j] * weight[i]
+            for k in range(j + 1):
+                upper[first + k, first + j] += by * own[k]
+        at += count
+    made = {"thickened": _function("thickened", [H, entries, weight], [_upper(upper)])}
+    if not m:
+        return made
+    made["least"] = _function("least", [H], [ca.vertcat(*[PIVOT * _symmetric(H, size)[j, j] for j in range(n, size)])])
+    least, inverse = SX.sym("least", m), SX.sym("inverse")
+    for j in range(m):
+        H = SX.sym("H", (n + j + 1) * (n + j + 2) // 2)
+        upper = _symmetric(H, n + j + 1)
+        column, pivot = upper[: n + j, n + j], upper[n + j, n + j]
+        made[f"pivot_{j}"] = _function(f"pivot_{j}", [H, least], [1 / pivot, pivot - least[j]])
+        by = column * inverse
+        for i in range(n + j):
+            for k in range(i + 1):
+                upper[k, i] -= by[i] * column[k]
+        made[f"left_{j}"] = _function(f"left_{j}", [H, inverse], [_upper(upper[: n + j, : n + j]), -by])
+    h_x, h_u, gain, inverse = SX.sym("h_x", n), SX.sym("h_u", m), SX.sym("gain", gains_of(n, m)), SX.sym("inverse", m)
+    own = ca.vertsplit(gain, [gains_of(n, j) for j in range(m + 1)])
+    h, du = ca.vertcat(h_x, h_u), SX.zeros(m)
+    for j in reversed(range(m)):
+        du[j] = -(h[n + j] * inverse[j])
+        h[: n + j] += own[j] * h[n + j]
+    made["offset"] = _function("offset", [h_x, h_u, gain, inverse], [h[:n], du])
+    dx, offset = SX.sym("dx", n), SX.sym("offset", m)
+    z = dx
+    for j in range(m):
+        total = offset[j]
+        for i in range(n + j):
+            total += own[j][i] * z[i]
+        z = ca.vertcat(z, total)
+    made["fed"] = _function("fed", [dx, gain, offset], [z[n:]])
+    return made
+
+
+def gains_of(n: int, m: int) -> int:
+    """Return the number of gains of a stage."""
+    return n * m + m * (m - 1) // 2
 
 
 def _function(name: str, arguments: Sequence[Any], results: Sequence[Any]) -> ca.Function:
@@ -113,42 +159,3 @@ def _symmetric(entries: Any, n: int) -> Any:
             P[i, j] = P[j, i] = entries[k]
             k += 1
     return P
-
-
-def _unit_lower(entries: Any, m: int) -> Any:
-    L, k = SX.eye(m), 0
-    for j in range(m):
-        for i in range(j + 1, m):
-            L[i, j] = entries[k]
-            k += 1
-    return L
-
-
-def _factored(H: Any) -> tuple[Any, Any]:
-    """Unit lower triangle L and diagonal d of L diag(d) L'."""
-    m = H.shape[0]
-    L, d = SX.eye(m), SX.zeros(m)
-    for j in range(m):
-        d[j] = H[j, j] - sum((L[j, k] ** 2 * d[k] for k in range(j)), SX(0))
-        for i in range(j + 1, m):
-            L[i, j] = (H[i, j] - sum((L[i, k] * L[j, k] * d[k] for k in range(j)), SX(0))) / d[j]
-    return L, d
-
-
-def _forward(L: Any, X: Any) -> Any:
-    X = SX(X)
-    for i in range(L.shape[0]):
-        for k in range(i):
-            X[i, :] -= L[i, k] * X[k, :]
-    return X
-
-
-def _backward(L: Any, inverse: Any, X: Any) -> Any:
-    m = L.shape[0]
-    X = SX(X)
-    for i in range(m):
-        X[i, :] *= inverse[i]
-    for i in reversed(range(m)):
-        for k in range(i + 1, m):
-            X[i, :] -= L[k, i] * X[k, :]
-    return X

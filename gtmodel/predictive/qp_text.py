@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import casadi as ca
 
-from ..cgen.real import decimal
-from .kernels import KERNELS
+from ..cgen.real import DOUBLE, Real, decimal
+from .interior_point import enough
+from .kernels import KERNELS, gains_of, ranges
 from .stage_qp import StageQP
 
 NAMES = ("stage", "last")
 
 
 class QPText:
-    """Text for one program; `symbol`: prefix of its C names."""
+    """Text for one program; `symbol`: prefix of its C names; `real`: their number type."""
 
-    def __init__(self, qp: StageQP, symbol: str, tolerance: float) -> None:
-        self.qp, self.symbol, self.tolerance = qp, symbol, tolerance
+    def __init__(self, qp: StageQP, symbol: str, real: Real = DOUBLE) -> None:
+        self.qp, self.symbol, self.tolerance = qp, symbol, qp.tolerance_in(real)
+        self.enough = enough(self.tolerance, real)
         self.own, self.end = qp.stage.positives, qp.last.positives
         self.sides = qp.count * self.own + self.end
 
@@ -30,19 +32,22 @@ class QPText:
         qp, symbol = self.qp, self.symbol
         n, m = qp.stage.states, qp.stage.inputs
         tables, heads = [], []
-        for name, of, functions in zip(NAMES, (qp.stage, qp.last), qp.kernels, strict=True):
-            prices = [p for s in of.sides if s.price for p in s.price]
+        for name, of in zip(NAMES, (qp.stage, qp.last), strict=True):
+            prices, across = [p for s in of.sides if s.price for p in s.price], ranges(of)
             tables += [
+                _array("int", f"{symbol}_{name}_first", [str(first) for first, _ in across]),
+                _array("int", f"{symbol}_{name}_size", [str(size) for _, size in across]),
                 _array("int", f"{symbol}_{name}_row", [str(s.row) for s in of.sides]),
                 _array("double", f"{symbol}_{name}_sign", [decimal(s.sign) for s in of.sides]),
                 _array("double", f"{symbol}_{name}_price", [decimal(p) for p in prices]),
             ]
             numbers = [of.numbers, len(of.rows), len(of.sides), len(of.soft), of.positives]
-            names = [f"{symbol}_{name}_{k}" for k in ("row", "sign", "price")]
-            names += [f"{symbol}_{name}_{k}" if k in functions else "0" for k in KERNELS]
+            numbers += [sum(size for _, size in across)]
+            names = [f"{symbol}_{name}_{k}" for k in ("first", "size", "row", "sign", "price")]
+            names += [f"{symbol}_{name}_{k}" for k in KERNELS]
             heads.append(f"{{{', '.join([*map(str, numbers), *names])}}}")
-        given = [f"{qp.count}, {n}, {m}, {qp.max_iterations}"]
-        given += [f"{decimal(max(self.sides // 2, 1))}, {decimal(self.tolerance)}", *heads]
+        given = [f"{qp.count}, {n}, {m}, {gains_of(n, m)}, {qp.max_iterations}"]
+        given += [f"{decimal(max(self.sides // 2, 1))}, {decimal(self.tolerance)}, {decimal(self.enough)}", *heads]
         inner = ",\n    ".join(given)
         return f"{''.join(tables)}static const gt_stage_qp {symbol}_qp = {{\n    {inner}\n}};\n\n"
 
@@ -57,9 +62,10 @@ class QPText:
         sizes = {
             "limits": limits, "excesses": soft, "bound": max(len(stage.sides), len(last.sides)), "sides": sides,
             "x": (count + 1) * n, "u": count * m, "dx": (count + 1) * n, "du": count * m, "y": rows, "dy": rows,
-            "weight": rows, "slope": rows, "by_x": (count + 1) * n, "by_u": count * m, "gain": count * m * n,
-            "offset": count * m, "lower": count * m * (m - 1) // 2, "inverse": count * m, "part": m,
-            "hessian": n * (n + 1), "gradient": 2 * n,
+            "weight": rows, "slope": rows, "by_x": (count + 1) * n, "by_u": count * m,
+            "entries": sum(a * sum(size for _, size in ranges(s)) for a, s in ((count, stage), (1, last))),
+            "gain": count * gains_of(n, m), "offset": count * m, "inverse": count * m, "part": m,
+            "hessian": (n + m) * (n + m + 1), "gradient": 2 * n,
         }  # fmt: skip
         of = {"limits": "gt_stage_qp_limit", "excesses": "gt_stage_qp_excess"}
         arrays = "".join(f"    {of.get(k, 'double')} {k}[{max(1, size)}];\n" for k, size in sizes.items())

@@ -198,7 +198,7 @@ def key_of(schema: type[pydantic.BaseModel], argument: str, renamed: Mapping[str
     parts = argument.split(".")
     for n in range(len(parts), 0, -1):
         head = ".".join(parts[:n])
-        whole, index = _ENTRY.fullmatch(head).groups()  # pyright: ignore[reportOptionalMemberAccess]
+        whole, index = _ENTRY.fullmatch(head).groups()  # pyrefly: ignore[missing-attribute]
         places = (
             renamed.get(head),
             renamed.get(_NUMBER.sub("[]", head)),
@@ -236,7 +236,7 @@ class Made(FileSection, Generic[O]):
     made_of: ClassVar[type]
     attributes: ClassVar[dict[str, str]]  # key -> field
 
-    def __class_getitem__(cls, options: Any) -> Any:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def __class_getitem__(cls, options: Any) -> Any:  # pyrefly: ignore[bad-override-param-name]
         return section_of(options)
 
     def options(self) -> O:
@@ -347,17 +347,17 @@ def _hint(hint: Any, marks: tuple[Any, ...]) -> Any:
     if origin is Annotated:
         return _hint(inside[0], tuple(dict.fromkeys((*marks, *inside[1:]))))
     if origin in (Union, types.UnionType):
-        return Union[tuple(_hint(member, marks) for member in inside)]  # noqa: UP007
+        return Union[tuple(_hint(member, marks) for member in inside)]  # noqa: UP007  # pyrefly: ignore
     if origin in (list, tuple):
         if get_origin(inside[0]) in (list, tuple):  # the length applies to the rows
-            return Annotated[list[_hint(inside[0], marks)], pydantic.AfterValidator(_of_one_length)]
+            return Annotated[list[_hint(inside[0], marks)], pydantic.AfterValidator(_of_one_length)]  # pyrefly: ignore
         long = next((m for m in marks if isinstance(m, Long)), None)
-        listed = list[_hint(inside[0], tuple(m for m in marks if not isinstance(m, Long)))]
+        listed = list[_hint(inside[0], tuple(m for m in marks if not isinstance(m, Long)))]  # pyrefly: ignore
         if long is None:
             return listed
         return Annotated[listed, pydantic.Field(min_length=long.count, max_length=long.count)]
     if origin is dict:
-        return dict[inside[0], _hint(inside[1], marks)]
+        return dict[inside[0], _hint(inside[1], marks)]  # pyrefly: ignore[invalid-annotation]
     if hint in (float, int):
         within = [m for m in marks if isinstance(m, Within)]
         if not within:

@@ -276,9 +276,9 @@ def _put(data: Any, path: list[str], value: Any, key: str) -> None:
         else:
             raise InputError(f"cannot be set: '{'.'.join(path[:n])}' is {shown(data)}, not a table", key)
         if last:
-            data[index] = value
+            data[index] = value  # pyrefly: ignore[unsupported-operation]
         else:
-            data = data[index]
+            data = data[index]  # pyrefly: ignore[bad-index]
 
 
 _KINDS = 'write kind = "trajectory", or another kind that gtmodel schema lists'

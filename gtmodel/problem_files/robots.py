@@ -56,7 +56,7 @@ def resolve(
     Raises InputError.
     """
     options = {"inertia": inertia, "smoothing": smoothing, "velocity_scale": velocity_scale, "payload": payload}
-    given = {name: value for name, value in options.items() if value is not None}
+    given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     if python_models.is_reference(reference):
         if given:
             first = next(iter(given))

@@ -19,7 +19,7 @@ from gtmodel.results import ArgumentError, SolveStatus, Study, written
 from gtmodel.results.as_json import result
 from gtmodel.results.folder import Held
 from gtmodel.results.work import Interrupted
-from gtmodel.results.written import for_machines, pictured, record, sha256, sha256_of_file
+from gtmodel.results.written import for_machines, pictured, record, scenes_of, sha256, sha256_of_file
 
 from .base import Call, Context, Generating, InputError, earlier_result
 from .from_options import key_of
@@ -58,8 +58,8 @@ def write(
 ) -> list[Path]:  # fmt: skip
     """Write a study with its run.toml, all files or none, and return their paths.
 
-    The files are result.json, trajectory.csv if there is a trajectory (marked if it must not be used), the study's own
-    files, pictures with `plot`, report.html with `report`, and run.toml. They replace those of an earlier result.
+    The files are result.json, trajectory.csv if there is one (marked if it must not be used), the study's own files,
+    pictures and scenes with `plot`, report.html with `report`, and run.toml. They replace those of an earlier result.
 
     Raises InputError if the folder belongs to something else or cannot be written; NotDrawn if only a picture failed.
     """
@@ -72,7 +72,7 @@ def write(
     faults = pictured(outcome, files) if plot else []
     faults += written.reported(outcome, files) if report else []
     with about_out():
-        paths = written.put(folder, files, lambda files: _run(loaded, context, wall_s, files))
+        paths = written.put(folder, files, lambda files: _run(loaded, context, wall_s, outcome, files))
     if faults:
         raise NotDrawn(faults[0], paths)
     return paths
@@ -91,16 +91,16 @@ def in_folder(loaded: Loaded, context: Context, outcome: Study, *, wall_s: float
         return []
 
 
-def _run(loaded: Loaded, context: Context, wall_s: float, files: Mapping[str, bytes]) -> bytes:
+def _run(loaded: Loaded, context: Context, wall_s: float, study: Study, files: Mapping[str, bytes]) -> bytes:
     inputs: dict[str, Any] = {"problem": str(loaded.path), "problemsha256": sha256(loaded.content)}
     if loaded.settings:
         inputs["set"] = list(loaded.settings)
     if context.max_seconds is not None:
         inputs["max_seconds"] = context.max_seconds
     for name, path in context.inputs.items():
-        inputs[name] = str(path)
-        inputs[f"{name}sha256"] = sha256_of_file(path)
-    return record(inputs, wall_s, files, {"problem": loaded.problem.model_dump(mode="json", exclude_none=True)})
+        inputs |= {name: str(path), f"{name}sha256": sha256_of_file(path)}
+    asked = {"scenes": scenes_of(study), "problem": loaded.problem.model_dump(mode="json", exclude_none=True)}
+    return record(inputs, wall_s, files, asked)
 
 
 @dataclass(frozen=True)

@@ -275,7 +275,7 @@ def _one_of(value: Any, hints: Sequence[Any], argument: str, marks: Marks) -> No
                 inner = inner or error
     if inner is not None:
         raise inner
-    raise WrongKind(value, Union[tuple(hints)], argument)  # noqa: UP007
+    raise WrongKind(value, Union[tuple(hints)], argument)  # noqa: UP007  # pyrefly: ignore[invalid-annotation]
 
 
 def _long(count: int, expected: int, argument: str) -> None:

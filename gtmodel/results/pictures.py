@@ -31,10 +31,20 @@ def _png(draw: Any, said: str = "") -> bytes:
         figure = draw()
         options = _headed(figure, said) if said else {}
         as_written(figure)
-        figure.draw_without_rendering()  # equal scales move the tick labels, and the layout then makes room for them
+        _lay_out(figure)
         # without matplotlib's version in the file: same input, same bytes
         figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None}, **options)
     return buffer.getvalue()
+
+
+def _lay_out(figure: Any) -> None:
+    """Place the panels of a figure, so that savefig need not: its layout draws the whole figure once more."""
+    if any(axes.name != "rectilinear" or axes.get_aspect() != "auto" for axes in figure.axes):
+        figure.draw_without_rendering()  # equal scales move the tick labels, and savefig then makes room for them
+    elif layout := figure.get_layout_engine():
+        figure.set_dpi(_DPI)  # widths of letters depend on it a little
+        layout.execute(figure)
+        figure.set_layout_engine("none")
 
 
 def _headed(figure: Any, message: str) -> dict[str, Any]:

@@ -153,7 +153,8 @@ class Study(Portable):
     ) -> list[Path]:
         """Write result.json and the files into a folder, and return the paths.
 
-        plot: write the pictures too. report: write report.html too, one page with all pictures, to be sent to others.
+        plot: write the pictures and scenes too. report: write report.html too, one page with all pictures, to be sent
+        to others.
 
         Files for a machine are written only if the result may be used or, with `write_failed`, with a mark. Raises
         ArgumentError for a folder with files that gtmodel did not write.

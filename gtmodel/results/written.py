@@ -85,8 +85,8 @@ def _written(folder: Path) -> dict[str, str] | None:
 
 
 def write(study: Study, folder: Path, *, plot: bool, report: bool, write_failed: bool) -> list[Path]:
-    """Write a study into a folder: result.json, its files, pictures with `plot`, the page with `report`, and run.toml.
-    Raises ArgumentError."""
+    """Write a study into a folder: result.json, its files, pictures and scenes with `plot`, the page with `report`, and
+    run.toml. Raises ArgumentError."""
     with held(folder, lambda _: None) as target:
         study = for_machines(study, "write_failed" if write_failed else "")
         files = files_of(study, result("", None, study))
@@ -100,7 +100,7 @@ def write(study: Study, folder: Path, *, plot: bool, report: bool, write_failed:
 
 def files_of(study: Study, data: bytes) -> dict[str, bytes]:
     """Return contents by file name: result.json, trajectory.csv if there is a trajectory (marked if it must not be
-    used), the study's own files, and its scenes, without the motion."""
+    used), and the study's own files."""
     files = {RESULT: data}
     if study.trajectory is not None and study.status.ok:
         files[TRAJECTORY] = csv_bytes(study.trajectory)
@@ -108,10 +108,12 @@ def files_of(study: Study, data: bytes) -> dict[str, bytes]:
         files[TRAJECTORY] = marked(TRAJECTORY, csv_bytes(study.trajectory), study.message, by="")
     for name, content in study.files.items():
         files[name] = content.encode() if isinstance(content, str) else content
-    for name in study.scenes:
-        if name != MOTION:  # which follows from the trajectory
-            files[f"{name}{SCENE}"] = _scene(partial(study.view, name))
     return files
+
+
+def scenes_of(study: Study) -> list[str]:
+    """The names of the scenes that need a file: the motion follows from the trajectory."""
+    return [name for name in study.scenes if name != MOTION]
 
 
 def _scene(make: Callable[[], Any]) -> bytes:
@@ -169,7 +171,10 @@ def put(
 
 
 def pictured(study: Study, files: dict[str, bytes]) -> list[str]:
-    """Add the pictures to `files`, and return a sentence about each that cannot be drawn."""
+    """Add the pictures and the scenes, without the motion, to `files`; return a sentence about each picture that cannot
+    be drawn."""
+    for name in scenes_of(study):
+        files[f"{name}{SCENE}"] = _scene(partial(study.view, name))
     faults = []
     warning = "" if study.status.ok else f"{_not_ok(study)}: {study.message}"
     for name, draw in study.figures.items():
@@ -187,7 +192,7 @@ def reported(study: Study, files: dict[str, bytes]) -> list[str]:
     from .page.page import REPORT, page  # here: a result without a report needs no page
 
     try:
-        files[REPORT] = page(study, study.about and study.about(), sha256(files[RESULT])).encode()
+        files[REPORT] = page(study, None if study.about is None else study.about(), sha256(files[RESULT])).encode()
     except Exception as error:
         fault = " ".join(str(error).split())
         return [f"{REPORT} could not be written ({type(error).__name__}: {fault}); please report it"]

@@ -9,6 +9,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Collection
 from copy import copy
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -64,11 +65,12 @@ class StateSelection:
         place = {pair: n for n, pair in enumerate(plan.pairs)}
         # position of each symbol's first and second derivative; the last entry of an extended point is zero
         self._next = [[place.get((i, k + m), -1) for i, k in plan.pairs] for m in (1, 2)]
+        self._foreseen: _Foreseen | None = None
 
     def with_numbers(self, numbers: np.ndarray) -> StateSelection:
         """Return a copy with other values of the varied parameters."""
         selection = copy(self)
-        selection._numbers = numbers
+        selection._numbers, selection._foreseen = numbers, None
         return selection
 
     @property
@@ -145,7 +147,13 @@ class StateSelection:
 
         If every STRIDE-th row passes, the rows between are not checked.
         """
-        last = len(times) - 1
+        last, seen = len(times) - 1, self._foreseen
+        if last == 1 and seen is not None and seen.holds(choice, points[0], times):
+            # the prediction is good, and the last row need not be better than that
+            return int(all(
+                _changes(inverse, self._matrices(watch, points[1:], times[1:])[:, :, watch.solved])[0] <= LARGEST_CHANGE
+                for watch, inverse in zip(self._distinct(choice), seen.inverses, strict=True)
+            ))  # fmt: skip
         some = np.append(np.arange(0, last, STRIDE), last)
         if last > STRIDE:
             good = self._good_rows(choice, points[some], times[some], below, between=True)
@@ -171,6 +179,7 @@ class StateSelection:
     def foresees(self, choice: Choice, w: np.ndarray, time: float, span: float) -> bool:
         """Return whether the solved columns stay good over a time [s] if the present motion continues."""
         both = np.vstack([w, self._ahead(w[None, :], np.array([span]))])
+        inverses: list[np.ndarray] = []
         for watch in self._distinct(choice):
             c = self._matrices(watch, both, np.array([time, time + span]))[:, :, watch.solved]
             try:
@@ -179,6 +188,8 @@ class StateSelection:
                 return False
             if not _changes(inverse, c[:, 1:])[0] <= PREDICTED_CHANGE:
                 return False
+            inverses.append(inverse)
+        self._foreseen = _Foreseen(choice, w, time, span, inverses)
         return True
 
     def _ahead(self, points: np.ndarray, spans: np.ndarray) -> np.ndarray:
@@ -204,6 +215,24 @@ class StateSelection:
     def _scaled(self, m: np.ndarray, stage: Stage) -> np.ndarray:
         """Return the stage's matrix, scaled by nominals, with rows scaled to maximum 1."""
         return _with_unit_rows(m[np.ix_(stage.rows, stage.columns)] * self._nominal[stage.columns])
+
+
+@dataclass(frozen=True, eq=False)
+class _Foreseen:
+    """A choice that `foresees` found good from a point over a time [s], with the inverse of each stage's columns."""
+
+    choice: Choice
+    w: np.ndarray
+    time: float
+    span: float
+    inverses: list[np.ndarray]
+
+    def holds(self, choice: Choice, w: np.ndarray, times: np.ndarray) -> bool:
+        """Return whether it was for these two instants, from this point."""
+        return bool(
+            times[0] == self.time and times[1] - times[0] == self.span and choice == self.choice
+            and np.array_equal(w, self.w)
+        )  # fmt: skip
 
 
 def _part(stage: Stage) -> Part:

@@ -60,6 +60,8 @@ class InputTable:
         if k < 0:
             return np.concatenate([self.values[:1], np.zeros(self.coefficients - 1)])
         row, after = self._rows[k].tolist(), float(start - self.times[k])
+        if not after:  # as at most restarts; + 0.0: no negative zero, as in the sums below
+            return self._rows[k] + 0.0
         n = self.coefficients
         return np.array([sum(row[j] * after ** (j - i) / math.factorial(j - i) for j in range(i, n)) for i in range(n)])
 

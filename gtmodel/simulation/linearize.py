@@ -74,61 +74,94 @@ def linearize(
     >>> linear.state_labels, linear.A.tolist(), linear.B.tolist()
     (['x', 'v'], [[0.0, 1.0], [-25.0, 0.0]], [[0.0], [0.5]])
     """
-    flat = flat_of(model)
-    refuse_discontinuities(flat)
-    start, input_values = by_name("start", start), by_name("input_values", input_values)
-    prefer = names("prefer", prefer)
-    known = _inputs(flat, names("inputs", inputs))
-    targets = [(i, order) for _, indices, order in map(flat.lookup, names("outputs", outputs)) for i in indices]
-    repeated = [flat.symbol_name(*pair) for n, pair in enumerate(targets) if pair in targets[:n]]
-    if repeated:
-        raise ModelError(f"output '{repeated[0]}' is named twice; name it once")
-    values = _values(flat, known, input_values)
-    u = {i: ca.SX.sym(flat.variables[i].name) for i in known}
-    functions = SimulationInputs(flat, ca.SX.sym("t"), dict(u), {})
-    preferred = [i for name in prefer for i in flat.lookup(name)[1]]
-    systems = Systems(flat, functions, [flat.scope.symbol(*p) for p in targets], preferred)
-    held, guess = start_values(systems.plan, start, known)
-    held |= {(i, k): values[i] if k == 0 else 0.0 for i, k in systems.plan.pairs if i in values}
-    w = initial_point(systems.plan, held, guess).w
-    system = systems.at(w, 0.0)
-    if system is None:
-        raise ModelError(f"{flat.title}: the model is singular at this point; linearise at another one")
-    for i, order in system.plan.inputs:
-        if i in u and order > 0:
-            raise ModelError(f"the model needs the derivative of input '{flat.variables[i].name}'; filter it first")
-    r = system.reduced
-    column = ca.vertcat(*u.values()) if u else ca.SX(0, 1)
-    y = r.outputs[: len(targets)]
-    blocks = [ca.densify(ca.jacobian(e, v)) for e in (r.rates, r.residuals, y) for v in (r.x, r.z, column)]
-    f = ca.Function("linear", [r.x, r.z, column, r.t, r.p], [*blocks, r.rates, ca.densify(y)])
-    point = [*r.from_point(w), [values[i] for i in known], 0.0, np.zeros(r.p.numel())]
-    fx, fz, fu, rx, rz, ru, gx, gz, gu, rates, y0 = (np.asarray(m.full()) for m in f.call(point))
-    if rz.size:  # Newton unknowns follow the states: dz = -rz^-1 (rx dx + ru du)
-        zx, zu = -np.linalg.solve(rz, rx), -np.linalg.solve(rz, ru)
-        fx, fu, gx, gu = fx + fz @ zx, fu + fz @ zu, gx + gz @ zx, gu + gz @ zu
-    if len(targets) == 1 and not known:
-        raise ModelError("control.StateSpace does not support a single output without an input; name a second output")
-    if not all(np.all(np.isfinite(m)) for m in (fx, fu, gx, gu)):
-        raise ModelError(f"{flat.title}: the model is singular at this point; linearise at another one")
+    linear = Linearization(model, inputs, outputs, prefer).at(start, input_values)
     from .._control import control  # slow to import, and only needed here
 
-    linear = control.ss(
-        fx, fu, gx, gu,
-        name=flat.title,
-        states=_labels(system.states),
-        inputs=_labels(flat.variables[i].name for i in known),
-        outputs=_labels(flat.symbol_name(*p) for p in targets),
+    made = control.ss(
+        *linear.matrices,
+        name=linear.title, states=labels(linear.states), inputs=labels(linear.inputs), outputs=labels(linear.outputs),
         params={
-            "rates": dict(zip(system.states, rates.reshape(-1).tolist(), strict=True)),
-            "outputs": dict(zip((flat.symbol_name(*p) for p in targets), y0.reshape(-1).tolist(), strict=True)),
+            "rates": dict(zip(linear.states, linear.rates.tolist(), strict=True)),
+            "outputs": dict(zip(linear.outputs, linear.values.tolist(), strict=True)),
         },
     )  # fmt: skip
-    assert isinstance(linear, control.StateSpace)
-    return linear
+    assert isinstance(made, control.StateSpace)
+    return made
 
 
-def _labels(names: Iterable[str]) -> list[str]:
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """Matrices A, B, C, D of the deviations from a point, with the names of states, inputs and outputs; `rates` of the
+    states and `values` of the outputs at the point."""
+
+    title: str
+    matrices: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+    states: list[str]
+    inputs: list[str]
+    outputs: list[str]
+    rates: np.ndarray
+    values: np.ndarray
+
+
+class Linearization:
+    """A model with inputs and outputs, derived once and linearised at several points; arguments as in `linearize`."""
+
+    def __init__(
+        self, model: Model, inputs: Sequence[str] | str, outputs: Sequence[str] | str, prefer: Sequence[str] | str = ()
+    ) -> None:
+        self._flat = flat = flat_of(model)
+        refuse_discontinuities(flat)
+        prefer = names("prefer", prefer)
+        self._known = known = _inputs(flat, names("inputs", inputs))
+        wanted = [(i, order) for _, indices, order in map(flat.lookup, names("outputs", outputs)) for i in indices]
+        repeated = [flat.symbol_name(*pair) for n, pair in enumerate(wanted) if pair in wanted[:n]]
+        if repeated:
+            raise ModelError(f"output '{repeated[0]}' is named twice; name it once")
+        self._targets = wanted
+        self._u = {i: ca.SX.sym(flat.variables[i].name) for i in known}
+        functions = SimulationInputs(flat, ca.SX.sym("t"), dict(self._u), {})
+        preferred = [i for name in prefer for i in flat.lookup(name)[1]]
+        self._systems = Systems(flat, functions, [flat.scope.symbol(*p) for p in wanted], preferred)
+
+    def at(self, start: Mapping[str, Any] | None, input_values: Mapping[str, Any] | None) -> LinearModel:
+        """Return the linear model at a consistent point. Raises ModelError as `linearize`."""
+        flat, known, u, count = self._flat, self._known, self._u, len(self._targets)
+        start, input_values = by_name("start", start), by_name("input_values", input_values)
+        values = _values(flat, known, input_values)
+        plan = self._systems.plan
+        held, guess = start_values(plan, start, known)
+        held |= {(i, k): values[i] if k == 0 else 0.0 for i, k in plan.pairs if i in values}
+        w = initial_point(plan, held, guess).w
+        system = self._systems.at(w, 0.0)
+        if system is None:
+            raise ModelError(f"{flat.title}: the model is singular at this point; linearise at another one")
+        for i, order in system.plan.inputs:
+            if i in u and order > 0:
+                raise ModelError(f"the model needs the derivative of input '{flat.variables[i].name}'; filter it first")
+        r = system.reduced
+        column = ca.vertcat(*u.values()) if u else ca.SX(0, 1)
+        y = r.outputs[:count]
+        blocks = [ca.densify(ca.jacobian(e, v)) for e in (r.rates, r.residuals, y) for v in (r.x, r.z, column)]
+        f = ca.Function("linear", [r.x, r.z, column, r.t, r.p], [*blocks, r.rates, ca.densify(y)])
+        point = [*r.from_point(w), [values[i] for i in known], 0.0, np.zeros(r.p.numel())]
+        fx, fz, fu, rx, rz, ru, gx, gz, gu, rates, y0 = (np.asarray(m.full()) for m in f.call(point))
+        if rz.size:  # Newton unknowns follow the states: dz = -rz^-1 (rx dx + ru du)
+            zx, zu = -np.linalg.solve(rz, rx), -np.linalg.solve(rz, ru)
+            fx, fu, gx, gu = fx + fz @ zx, fu + fz @ zu, gx + gz @ zx, gu + gz @ zu
+        if count == 1 and not known:
+            raise ModelError(
+                "control.StateSpace does not support a single output without an input; name a second output"
+            )
+        if not all(np.all(np.isfinite(m)) for m in (fx, fu, gx, gu)):
+            raise ModelError(f"{flat.title}: the model is singular at this point; linearise at another one")
+        inputs = [flat.variables[i].name for i in known]
+        outputs = [flat.symbol_name(*p) for p in self._targets]
+        shown = rates.reshape(-1), y0.reshape(-1)
+        return LinearModel(flat.title, (fx, fu, gx, gu), list(system.states), inputs, outputs, *shown)
+
+
+def labels(names: Iterable[str]) -> list[str]:
+    """Return names for python-control, which reserves the dot."""
     return [name.replace(".", ":") for name in names]
 
 

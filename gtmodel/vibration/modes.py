@@ -334,7 +334,9 @@ def matrices_study(matrices: Matrices, **work_options: Unpack[WorkOptions]) -> M
         K=K,
         stable=printed.stable,
         signs=list(signs),
-        definite=definite and {"signs": chosen, "M_kg": definite.M, "D_kg_s": definite.D, "K_N_m": definite.K},
+        definite=None
+        if definite is None
+        else {"signs": chosen, "M_kg": definite.M, "D_kg_s": definite.D, "K_N_m": definite.K},
     )
 
 

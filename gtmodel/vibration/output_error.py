@@ -112,7 +112,7 @@ def output_error(
     names = [f"{X}[{i},{j}]" for X, i, j in packing.entries]
 
     def flat(x: np.ndarray) -> np.ndarray:
-        matrices = dict(zip("MDK", packing.unpack(x), strict=True))
+        matrices: dict[str, np.ndarray] = dict(zip("MDK", packing.unpack(x), strict=True))
         return np.array([matrices[X][i, j] for X, i, j in packing.entries])
 
     jacobian = central(flat, fit.x)

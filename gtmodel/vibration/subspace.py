@@ -97,7 +97,7 @@ def input_matrices(
     x = np.linalg.lstsq((F / size).reshape(p * N, -1), right.ravel(), rcond=None)[0] / size
     D = np.zeros((p, m))
     if feedthrough:
-        D = np.stack([fit[i][0] - fit[i][1] @ x for i in range(p)])  # pyright: ignore[reportPossiblyUnboundVariable]
+        D = np.stack([fit[i][0] - fit[i][1] @ x for i in range(p)])  # pyrefly: ignore[unbound-name]
     return x[: m * n].reshape(m, n).T, D, x[m * n : m * n + n], x[m * n + n :]
 
 

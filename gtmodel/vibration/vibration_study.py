@@ -98,7 +98,7 @@ def subspace_study(
     poles = poles[np.lexsort((-poles.imag, np.abs(poles).round(9)))]
     s = None if physical is None else _structure(physical, model, record, input_unit, interrupted)
     frequency, damping = frequency_and_damping(poles[poles.imag >= 0])
-    best = s and s.best
+    best = None if s is None else s.best
     return SubspaceStudy(
         status=SolveStatus.SOLVED,
         message=f"{model.method}, order {model.order}, {len(record)} samples",
@@ -108,8 +108,8 @@ def subspace_study(
         files=_files(model, best, record),
         machine_files=("parameters.toml", "model.toml", "model.c"),
         model=model,
-        form=s and s.form,
-        fit=s and s.fit,
+        form=None if s is None else s.form,
+        fit=None if s is None else s.fit,
         notes=_notes(physical, model, c.message, s),
         estimate=s.fit.estimate if s and s.fit else None,
         frequency=s.modes.frequency_Hz if s and s.modes else frequency,
@@ -121,11 +121,11 @@ def subspace_study(
         held_out_rms={str(t.order): t.held_out_rms for t in model.trials},
         residual=model.residual,
         poles=pairs_of(poles),
-        M_inv_K=s and s.form.M_inv_K,
-        M_inv_D=s and s.form.M_inv_D,
-        M=best and best.M,
-        D=best and best.D,
-        K=best and best.K,
+        M_inv_K=None if s is None else s.form.M_inv_K,
+        M_inv_D=None if s is None else s.form.M_inv_D,
+        M=None if best is None else best.M,
+        D=None if best is None else best.D,
+        K=None if best is None else best.K,
         intervals={n: list(s.fit.estimate.interval(n)) for n in s.fit.estimate.names} if s and s.fit else None,
         stable=bool(np.abs(model.poles).max() < 1),
         synthetic=record.synthetic,

@@ -9,7 +9,8 @@ points_of     names of the points of a model
 VisibleBody   vertices with triangles, lines or marks, fixed to a frame
 dots, groups  marks at positions, all alike or one group for each label
 lines, frustum lines of sight, what a camera sees
-ellipsoid, ellipsoids, error_lines   uncertainty and errors of positions
+levels, thinned   marks at positions, in five groups by a value; which points of a grid are drawn
+ellipsoid, ellipsoids, error_boxes, error_lines   uncertainty and errors of positions
 
 Cuboid, Cylinder, Sphere, Capsule, MeshFile   what a part looks like, for `visual` of its class
 """
@@ -24,10 +25,13 @@ if TYPE_CHECKING:
         dots as dots,
         ellipsoid as ellipsoid,
         ellipsoids as ellipsoids,
+        error_boxes as error_boxes,
         error_lines as error_lines,
         frustum as frustum,
         groups as groups,
+        levels as levels,
         lines as lines,
+        thinned as thinned,
     )
     from .robot import around as around, points_of as points_of, scene as scene
     from .solids import (

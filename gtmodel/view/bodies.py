@@ -19,7 +19,8 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 HEX = re.compile(r"#[0-9a-fA-F]{6}")
 SOLID, CLEAR = "#b9c3cc", 0.4  # colour of a surface that has none, and opacity of an ellipsoid
 AROUND = 24  # corners of a circle
-MOST_DOTS = 20_000  # of one group
+MOST_DOTS, MOST_OF_GRID = 20_000, 2500  # of one group, and of a section
+LEVELS = ("#440154", "#3e4a89", "#26828e", "#35b779", "#b5de2b")  # viridis, dark to light
 MOST_ELLIPSOIDS, SHARE = 60, 0.06  # drawn, and half length of the largest one in sizes of the positions' volume
 
 
@@ -101,6 +102,14 @@ class VisibleBody:
                          for i in (0, 1) for j in (0, 1) for k in (0, 1)])  # fmt: skip
 
 
+def box() -> tuple[Array, Array]:
+    """Return vertices and faces of the cube with edges 1 about the origin; vertex 4 i + 2 j + k is at i of z, j of y, k
+    of x."""
+    corners = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)]) / 2
+    sides = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+    return corners, np.array([t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))])
+
+
 def ball(rings: int = AROUND // 2, around: int = AROUND) -> tuple[Array, Array]:
     """Return vertices and faces of the unit sphere."""
     turns, polar = 2 * np.pi * np.arange(around) / around, np.pi * np.arange(1, rings) / rings
@@ -156,15 +165,53 @@ def ellipsoids(positions: Any, covariances: Any, *, name: str = "error") -> tupl
     'Ellipsoids: one standard deviation of each position, enlarged 60 times.'
     """
     T, C = np.asarray(positions, float).reshape(-1, 3), np.asarray(covariances, float).reshape(-1, 3, 3)
-    known = np.flatnonzero(np.isfinite(T).all(axis=1) & np.isfinite(C).all(axis=(1, 2)))
+    known, C = _known(T, C)
     if not len(known):
         return [], ""
-    factor = _factor(T[known], float(np.sqrt(np.linalg.eigvalsh(C[known])[:, -1].max())))
-    every = -(-len(known) // MOST_ELLIPSOIDS)
-    part = f", {-(-len(known) // every)} of {len(known)} positions" if every > 1 else ""
-    times = f"enlarged {factor:.10g} times"
-    note = f"Ellipsoids: one standard deviation of each position, {times}{part}."
-    return [ellipsoid(C[k], T[k], scale=factor, name=name) for k in known[::every]], note
+    factor = _factor(known, float(np.sqrt(np.linalg.eigvalsh(C)[:, -1].max())))
+    every, part = _part(len(known))
+    note = f"Ellipsoids: one standard deviation of each position, enlarged {factor:.10g} times{part}."
+    chosen = zip(known[::every], C[::every], strict=True)
+    return [ellipsoid(of, centre, scale=factor, name=name) for centre, of in chosen], note
+
+
+def error_boxes(positions: Any, corners: Any, *, name: str = "error") -> tuple[list[VisibleBody], str]:
+    """Return parallelepipeds of the errors that are possible at positions, all enlarged so that the largest can be
+    seen, and a sentence that states by how much; of more than 60 positions a part is drawn.
+
+    Args:
+        positions: (n, 3) [m]. corners: (n, 8, 3) errors at the corners [m], in the order of
+            `gt.kinematics.accuracy.SIGNS`.
+
+    >>> corners = 1e-4 * gt.kinematics.accuracy.SIGNS
+    >>> (body,), note = gt.view.error_boxes([[0.0, 0.0, 1.0]], corners[None])
+    >>> body.closed, note
+    (True, 'Boxes: possible errors of each position, enlarged 300 times.')
+    """
+    T, e = np.asarray(positions, float).reshape(-1, 3), np.asarray(corners, float).reshape(-1, 8, 3)
+    known, e = _known(T, e)
+    if not len(known):
+        return [], ""
+    factor = _factor(known, float(np.linalg.norm(e, axis=2).max()))
+    every, part = _part(len(known))
+    faces, bodies = box()[1], list[VisibleBody]()
+    for centre, of in zip(known[::every], e[::every], strict=True):
+        outwards = np.linalg.det(of[[1, 2, 4]] - of[0]) > 0
+        looking = faces if outwards else faces[:, ::-1]
+        bodies.append(VisibleBody(centre + factor * of, looking, (), "", name, COLOURS[0], CLEAR))
+    return bodies, f"Boxes: possible errors of each position, enlarged {factor:.10g} times{part}."
+
+
+def _known(positions: Array, values: Array) -> tuple[Array, Array]:
+    """The positions, and what belongs to them, whose numbers are all finite."""
+    finite = np.isfinite(positions).all(axis=1) & np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+    return positions[finite], values[finite]
+
+
+def _part(count: int) -> tuple[int, str]:
+    """Of that many positions, every how many are drawn, and words for it."""
+    every = -(-count // MOST_ELLIPSOIDS)
+    return every, f", {-(-count // every)} of {count} positions" if every > 1 else ""
 
 
 def error_lines(positions: Any, errors: Any, *, colour: str = COLOURS[1]) -> tuple[list[VisibleBody], str]:
@@ -178,11 +225,11 @@ def error_lines(positions: Any, errors: Any, *, colour: str = COLOURS[1]) -> tup
     'Lines: errors of the positions, enlarged 30 times.'
     """
     T, e = np.asarray(positions, float).reshape(-1, 3), np.asarray(errors, float).reshape(-1, 3)
-    known = np.isfinite(T).all(axis=1) & np.isfinite(e).all(axis=1)
-    if not known.any():
+    known, e = _known(T, e)
+    if not len(known):
         return [], ""
-    factor = _factor(T[known], float(np.linalg.norm(e[known], axis=1).max()))
-    body = lines(T[known], T[known] + factor * e[known], name="error", colour=colour)
+    factor = _factor(known, float(np.linalg.norm(e, axis=1).max()))
+    body = lines(known, known + factor * e, name="error", colour=colour)
     return [body], f"Lines: errors of the positions, enlarged {factor:.10g} times."
 
 
@@ -223,6 +270,37 @@ def groups(positions: Any, labels: Sequence[str]) -> list[VisibleBody]:
              colour=COLOURS[k % len(COLOURS)])
         for k, n in enumerate(names)
     ]  # fmt: skip
+
+
+def levels(positions: Any, values: Any, name: str, unit: str) -> list[VisibleBody]:
+    """Return marks at positions (n, 3) [m], world coordinates, in five groups by their value (n,), from low to high,
+    each a fifth of the positions; positions without a finite value are left out.
+
+    >>> [g.name for g in gt.view.levels(np.zeros((10, 3)), np.arange(10.0), "error", "mm")][:2]
+    ['error 0 to 1.8 mm: 2', 'error 1.8 to 3.6 mm: 2']
+    """
+    rows, x = _known(np.asarray(positions, float).reshape(-1, 3), np.asarray(values, float))
+    bounds = np.unique(np.quantile(x, np.linspace(0, 1, len(LEVELS) + 1))) if len(x) else x
+    at = np.clip(np.searchsorted(bounds, x, side="right") - 1, 0, max(len(bounds) - 2, 0))
+    return [
+        dots(rows[at == k], marker="square", colour=LEVELS[k],
+             name=f"{name} {' to '.join(f'{b:.3g}' for b in bounds[k : k + 2])} {unit}: {int(np.sum(at == k))}")
+        for k in range(max(len(bounds) - 1, len(bounds[:1])))
+    ]  # fmt: skip
+
+
+def thinned(shape: tuple[int, int]) -> tuple[Array, str]:
+    """Return which rows of a grid of points are drawn: every second, third ... in both directions if there are more
+    than 2500; and a sentence that says so.
+
+    >>> rows, note = gt.view.thinned((100, 60))
+    >>> rows[:3], len(rows), note
+    (array([0, 2, 4]), 1500, 'Every second point of the grid in both directions.')
+    """
+    every = max(1, int(np.ceil(np.sqrt(shape[0] * shape[1] / MOST_OF_GRID))))
+    word = {2: "second", 3: "third"}.get(every, f"{every}th")
+    rows = np.arange(shape[0] * shape[1]).reshape(shape)[::every, ::every].ravel()
+    return rows, f"Every {word} point of the grid in both directions." if every > 1 else ""
 
 
 def lines(starts: Any, ends: Any, *, name: str = "", colour: str = "#777777") -> VisibleBody:

@@ -34,7 +34,7 @@ FLOOR = "#d8d8d8"
 # sizes of the robot by which joints count as nearer, to be before bars that end in them, and guideways as farther
 NEARER, BEHIND = 0.015, 0.05
 PIECES = 8  # of a bar, so that it is behind one part and before another
-LETTERS, MARGIN = 13, 8  # pixels: height of letters, and from the edge of the picture
+LETTERS, MARGIN = 12, 8  # pixels: height of letters, and from the edge of the picture
 Item = tuple[float, Callable[[Any], object]]  # depth, and what draws it
 
 
@@ -161,9 +161,12 @@ class _Camera:
 
     def write(self, pen: Any, time: float) -> None:
         """Title and instant, the legend of groups with markers, and the note with the width of the grid."""
+        from matplotlib import get_data_path
         from PIL import ImageFont
 
-        font, line = ImageFont.load_default(FINER * LETTERS), FINER * LETTERS * 1.4
+        # Pillow's own letters lack µ, ä and most others
+        font = ImageFont.truetype(Path(get_data_path(), "fonts", "ttf", "DejaVuSans.ttf"), FINER * LETTERS)
+        line = FINER * LETTERS * 1.4
         groups, left, top = [b for b in self.scene.bodies if b.marker and b.name], FINER * MARGIN, FINER * MARGIN
         times, unit = np.atleast_1d(self.scene.time), self.scene.unit
         instant = f"{time:.2f} s" if unit == "s" else f"{unit} {time:g} of {times[-1]:g}"  # not all may be shown

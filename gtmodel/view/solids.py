@@ -16,7 +16,7 @@ import numpy as np
 
 from ..geometry.rotations import rotation_of_rpy
 from ..results import ArgumentError
-from .bodies import AROUND, SOLID, VisibleBody, ball, check_colour
+from .bodies import AROUND, SOLID, VisibleBody, ball, box, check_colour
 from .mesh_file import read_mesh
 
 Array = np.ndarray
@@ -86,9 +86,8 @@ class Cuboid(VisibleSolid):
             _positive(edge, "size")
 
     def surface(self) -> tuple[Array, Array]:
-        corners = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)]) / 2
-        sides = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
-        return corners * self.size, np.array([t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))])
+        corners, faces = box()
+        return corners * self.size, faces
 
 
 @dataclass(frozen=True)

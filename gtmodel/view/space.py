@@ -237,7 +237,10 @@ class RobotScene:
 
     def _repr_html_(self) -> str:
         style = "width:100%;height:640px;border:0"
-        return f'<iframe sandbox="allow-scripts" style="{style}" srcdoc="{escape(self.html())}"></iframe>'
+        title = escape(f"{self.title or 'scene'}, in space")
+        return (
+            f'<iframe title="{title}" sandbox="allow-scripts" style="{style}" srcdoc="{escape(self.html())}"></iframe>'
+        )
 
 
 def _flat(frame: Any) -> np.ndarray:

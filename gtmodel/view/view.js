@@ -55,9 +55,11 @@ const make = (tag, parent, more = {}) => parent.appendChild(Object.assign(docume
 if (scene.note) document.querySelector("h1").after(make("p", document.body, { className: "note", textContent: scene.note }));
 const main = document.querySelector("main"), space = make("div", main, { className: "space" });
 const canvas = make("canvas", space, { tabIndex: 0 });
+const within = window.parent && window.parent !== window; // another page, which scrolls over the scene until it is clicked
+if (within) canvas.style.touchAction = "pan-y";
 canvas.setAttribute("role", "img");
 canvas.setAttribute("aria-label", `${scene.title}: ${scene.parts.length + bodies.length} parts in space. Arrow keys turn the view, plus and minus zoom, space plays.`);
-make("div", space, { className: "help", textContent: "drag: turn · shift + drag: move · wheel: zoom · keys: arrows, + −, 0: all, 1 2 3: front, side, top" });
+make("div", space, { className: "help", textContent: `drag: turn · shift + drag: move · ${within ? "click, " : ""}wheel: zoom · keys: arrows, + −, 0: all, 1 2 3: front, side, top` });
 const legend = bodies.filter((b) => b.marker && b.name);
 if (legend.length) {
   const list = make("ul", space, { className: "legend" });
@@ -104,8 +106,9 @@ const drawFloor = (g) => {
   const [xf, dx] = view.out[0] > 0 ? [x0, -0.35] : [x1, 0.35], [yf, dy] = view.out[1] > 0 ? [y0, -0.35] : [y1, 0.35];
   const text = (v, axis, middle) => `${middle ? `${axis} = ` : ""}${Number((v * step).toPrecision(4))}${middle ? " m" : ""}`;
   g.font = "12px sans-serif"; g.fillStyle = "#777"; g.textAlign = "center";
-  for (let x = x0; x <= x1; x++) if (x !== xf) { const p = at(x, yf + dy); g.fillText(text(x, "x", x === Math.round((x0 + x1) / 2)), p[0], p[1]); }
-  for (let y = y0; y <= y1; y++) if (y !== yf) { const p = at(xf + dx, y); g.fillText(text(y, "y", y === Math.round((y0 + y1) / 2)), p[0], p[1]); }
+  const put = (words, [x, y]) => { const half = 3.4 * words.length, whole = Math.min(Math.max(x, half), view.w - half); g.fillText(words, Math.abs(whole - x) < 2 * half ? whole : x, y); }; // not cut off at an edge
+  for (let x = x0; x <= x1; x++) if (x !== xf) put(text(x, "x", x === Math.round((x0 + x1) / 2)), at(x, yf + dy));
+  for (let y = y0; y <= y1; y++) if (y !== yf) put(text(y, "y", y === Math.round((y0 + y1) / 2)), at(xf + dx, y));
   g.textAlign = "left";
 };
 
@@ -213,6 +216,7 @@ const draw = () => {
 // signals beside the scene
 const timeAt = (at) => { const n = Math.min(Math.floor(at), time.length - 2); return n < 0 ? time[0] : time[n] + (at - n) * (time[n + 1] - time[n]); };
 const frameAt = (t) => { let n = time.findIndex((x) => x > t) - 1; if (n < 0) return t <= time[0] ? 0 : time.length - 1; return n + (t - time[n]) / (time[n + 1] - time[n]); };
+const DASHES = [[], [7, 2], [2, 2]], FOOT = 16; // neighbouring curves differ in grey too; FOOT: height of the numbers below
 const charts = [], beside = scene.signals.length ? make("div", main, { className: "beside" }) : null;
 for (const { name, unit, values, limits } of scene.signals) {
   const c = make("canvas", beside), all = [...values.flat(), ...(limits ?? [])].filter(Number.isFinite);
@@ -227,15 +231,17 @@ for (const { name, unit, values, limits } of scene.signals) {
   const left = 48, label = (v) => Number(Number(v.toFixed(decimals)).toPrecision(3)) + 0;
   const shown = values.slice(0, 6), head = shown.length > 3 ? 32 : 18; // many values stand below the name
   charts.push(() => {
-    const g = sized(c), [w, h] = [c.clientWidth, c.clientHeight - 4];
+    const g = sized(c), [w, h] = [c.clientWidth, c.clientHeight - FOOT];
     const x = (t) => left + (t - time[0]) / (time.at(-1) - time[0] || 1) * (w - left - 6), y = (v) => head + (top - v) / (top - bottom) * (h - head);
-    g.clearRect(0, 0, w, h + 4);
+    g.clearRect(0, 0, w, h + FOOT);
     g.strokeStyle = "#ccc"; g.lineWidth = 1; g.strokeRect(left, head, w - left - 6, h - head);
     g.font = "12px sans-serif"; g.fillStyle = "#222"; g.textAlign = "left"; g.fillText(unit === "1" ? name : `${name} [${unit}]`, left, 12);
     g.textAlign = "right"; g.fillStyle = "#555"; for (const v of ticks) g.fillText(label(v), left - 4, Math.min(Math.max(y(v) + 4, head + 8), h));
+    const ends = [time[0], time.at(-1)].map((t) => Number(t.toPrecision(4)));
+    g.fillText(moving ? `${ends[1]} s` : `${scene.unit} ${ends[1]}`, w - 6, h + 12); g.textAlign = "left"; g.fillText(ends[0], left, h + 12);
     g.setLineDash([3, 3]); for (const v of limits ?? []) line(g, [left, y(v)], [w - 6, y(v)], 1, "#777"); g.setLineDash([]);
     values.forEach((row, k) => {
-      g.strokeStyle = COLOURS[k % COLOURS.length]; g.lineWidth = 1.6; g.setLineDash([[], [6, 3], [2, 2]][Math.floor(k / COLOURS.length) % 3]);
+      g.strokeStyle = COLOURS[k % COLOURS.length]; g.lineWidth = 1.6; g.setLineDash(DASHES[k % DASHES.length]);
       if (moving) { g.beginPath(); row.forEach((v, n) => g.lineTo(x(time[n]), y(v))); g.stroke(); }
       else row.forEach((v, n) => mark(g, [x(time[n]), y(v)], MARKS[k % MARKS.length], COLOURS[k % COLOURS.length]));
     });
@@ -290,7 +296,10 @@ canvas.addEventListener("pointermove", (e) => {
   held.set(e.pointerId, [e.clientX, e.clientY]);
 });
 canvas.addEventListener("contextmenu", (e) => e.preventDefault());
-canvas.addEventListener("wheel", (e) => { e.preventDefault(); zoom(Math.exp(0.001 * e.deltaY)); }, { passive: false });
+canvas.addEventListener("wheel", (e) => {
+  if (within && !e.ctrlKey && document.activeElement !== canvas) return;
+  e.preventDefault(); zoom(Math.exp(0.001 * e.deltaY));
+}, { passive: false });
 canvas.addEventListener("pointerleave", () => { tip.hidden = true; });
 const hover = (e) => {
   let best = 12, found = null;

@@ -1,44 +1,53 @@
-"""Predictive control of the L1 in C beside its goals, and its programs beside HPIPM, PIQP, DAQP and CasADi's `qrqp`.
+"""Predictive control of the L1 in C beside its goals, and its programs beside HPIPM, PIQP, DAQP and CasADi.
 
 OMP_NUM_THREADS=1 python -m tests.bench.bench_predictive [--problems 100] [--draws 100000]
 
 - Instructions of a program by callgrind, as a + b * iterations; iterations of drawn cold cycles, counted natively.
-- The same programs, cold, to the same tolerance, in turn in one C program: HPIPM from CasADi's wheel (BLASFEO of the
-  wheel). PIQP, DAQP and the C that CasADi generates for `qrqp` are called from
-  Python.
+- The same programs to the same tolerance, cold, and warm from the cycle before: HPIPM (with BLASFEO, of CasADi's
+  wheel), in turn in one C program; DAQP's C on the condensed program; PIQP, and the C that CasADi generates for
+  `qrqp`, called from Python.
+- The nonlinear problem of one cycle, cold: programs repeated in C, beside the C that CasADi generates for `sqpmethod`.
 Cold cycles: position and goal anywhere in a box of 0.9 x 0.4 x 0.5 m, speeds up to 1.5 m/s, no rest at the end needed.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib
-import os
 import tempfile
-import time
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
-import scipy.sparse
 
 import gtmodel as gt
 from gtmodel.cgen.real import DOUBLE
+from gtmodel.cgen.steps.function import record as record_of
 from gtmodel.predictive import ControlHorizon, Controller, StageQP, controller
+from gtmodel.predictive.converged import _Problem
+from gtmodel.predictive.cycle import CycleTwin
+from gtmodel.results.status import Status
 from tests.bench.callgrind import _edges, _run, missing
+from tests.bench.rivals.horizon_rivals import TOLERANCE, ByQrqp, by_daqp, by_piqp, flat, text_of_hpipm
+from tests.bench.rivals.horizon_sqp import BySqpmethod, Repeated
 from tests.predictive.compiled import FLAGS, write
 
 RIVAL = Path(__file__).parent / "rivals" / "horizon_qp.c"
 LOW, HIGH = np.array([0.1, -1.1, 0.1]), np.array([1.0, -0.7, 0.6])
 SPEEDS = (0.0, 0.5, 1.0, 1.5)  # m/s
 MOST = 6e6  # instructions of the longest cycle
+MOST_TEXT, MOST_STACK = 20, 200  # kB
 MODES = ("SPEED_ABS", "SPEED", "BALANCE", "ROBUST")
 STARTS = (0.0, 1e2, 1e4)  # mu0 of HPIPM; 0: its own
 CAP = 20  # iterations, of problems/l1_predictive.toml
-TOLERANCE = 1e-6  # of ControlHorizon
 CHUNK = 1000  # problems in one file
-RIVALS = 10  # problems for rivals called from Python
+RIVALS = 20  # problems for rivals called from Python
+REPEATS = 5  # of a program: the least time counts
+WARM = (0, 1, 2)  # warm_start of HPIPM: none, unknowns, unknowns and multipliers
+MOVED = 125  # cycles from one goal to the next
+WHOLE, SAME = 10, 1e-4  # nonlinear problems; equal costs, relative
+# their stages, and largest distance and speed [m, m/s]: from further away the rival finds hardly any optimum
+CASES = ((10, 0.05), (40, 0.01))
 
 
 def law(stages: int = 40) -> Controller:
@@ -59,7 +68,35 @@ def drawn(c: Controller, count: int, seed: int) -> list[tuple[np.ndarray, np.nda
         x = np.ravel(np.column_stack([T, rng.uniform(-1, 1, 3) * rng.choice(SPEEDS)]))
         data = np.asarray(program.prepare(x, c.first, np.zeros(0), goal, x).full())[:, 0]
         last = np.asarray(program.finish(x, np.zeros(0), goal).full())[:, 0]
-        problems.append((np.zeros(n), np.tile(data, (program.qp.count, 1)), last))
+        problems.append((np.zeros(n), np.tile(data, (program.qp.count, 1)), last, np.zeros(c.sides)))
+    return problems
+
+
+def cycles(c: Controller, count: int, seed: int) -> list[tuple[np.ndarray, ...]]:
+    """The same of warm cycles, with the sides of the solution before, moved on: the model as plant, a goal that moves
+    every half second."""
+    rng, run, problems, program = np.random.default_rng(seed), CycleTwin(c), list[tuple[np.ndarray, ...]](), c.program
+    state, inputs, outputs = (record_of(k, DOUBLE) for k in (c.state, c.inputs, c.outputs))
+    solve = run.method.solve
+
+    def noted(x: np.ndarray, p: np.ndarray, q: np.ndarray, start: Any) -> Any:
+        if start is not None:
+            problems.append((x, p.T, q[:, 0], np.concatenate([start[1].T.ravel(), start[2].ravel()])))
+        return solve(x, p, q, start)
+
+    run.method.solve = noted  # type: ignore[method-assign]
+    x = np.ravel(np.column_stack([rng.uniform(LOW, HIGH), np.zeros(3)]))
+    start = record_of(c.start, DOUBLE)
+    start["x"] = x
+    run.init(state, start)
+    while len(problems) < count:
+        if len(problems) % MOVED == 0:
+            inputs[c.goals[0].identifier] = rng.uniform(LOW, HIGH)
+        inputs["x"] = x
+        if run.step(state, inputs, outputs) != Status.OK:
+            raise RuntimeError("a cycle of the motion has no solution")
+        v, goal = state["plan_v"][: program.qp.stage.inputs], inputs[c.goals[0].identifier]
+        x = program.advance(x, v, np.zeros(0), goal).full()[:, 0]
     return problems
 
 
@@ -84,12 +121,12 @@ def record(qp: StageQP, problems: list[Any], path: Path) -> None:
     """Write the problems as the C program reads them."""
     of, end = matrices(qp)
     with path.open("wb") as f:
-        for x, data, last in problems:
+        for x, data, last, start in problems:
             once, where = np.unique(data, axis=0, return_inverse=True)
             flat, constant = (v.full()[:, where.reshape(-1)] for v in of.map(len(once))(once.T))
             ending, more = end(last)
             np.concatenate([
-                x, data.ravel(), last, [np.sum(constant) + float(more)], flat.ravel(order="F"),
+                x, data.ravel(), last, [np.sum(constant) + float(more)], start, flat.ravel(order="F"),
                 ending.full().ravel(),
             ]).astype(float).tofile(f)  # fmt: skip
 
@@ -104,6 +141,7 @@ def build(qp: StageQP, folder: Path) -> Path:
         "SOFT": len(stage.soft) // 2, "LAST_ROWS": len(last.rows), "LAST_SOFT": len(last.soft) // 2,
         "NUMBERS": stage.numbers, "LAST_NUMBERS": last.numbers,
         "PRODUCTS": f"{(qp.count * stage.positives + last.positives) // 2}.0", "TOLERANCE": repr(qp.tolerance),
+        "SIDES": qp.count * stage.positives + last.positives,
     }  # fmt: skip
     program = folder / "both"
     _run("gcc", *FLAGS, "-D_POSIX_C_SOURCE=200809L", f"-I{folder}", "-c", source, "-o", folder / "ours.o")
@@ -115,17 +153,31 @@ def build(qp: StageQP, folder: Path) -> Path:
     return program
 
 
-def solved(program: Path, file: Path, repeats: int, mode: int, mu0: float) -> np.ndarray:
+def of_size(folder: Path) -> None:
+    """Print machine code and stack of the program beside their goals, and the code of HPIPM."""
+    texts = []
+    for level in ("-O2", "-Os"):
+        file = folder / "size.o"
+        _run("gcc", *FLAGS, level, "-fstack-usage", f"-I{folder}", "-c", folder / "gt_qp.c", "-o", file)
+        rows = [line.split() for line in _run("nm", "-S", file).splitlines()]
+        texts.append(sum(int(row[1], 16) for row in rows if len(row) == 4 and row[2] in "Tt") / 1e3)
+    stack = sum(int(line.split("\t")[1]) for line in (folder / "size.su").read_text().splitlines()) / 1e3
+    own, other = (size / 1e3 for size in text_of_hpipm())
+    print(f"text {texts[0]:.1f} kB (goal {MOST_TEXT}), with -Os {texts[1]:.1f}; stack at most {stack:.0f} kB (goal "
+          f"{MOST_STACK}); HPIPM may reach {own:.0f} kB, and {other:.0f} kB of BLASFEO")  # fmt: skip
+
+
+def solved(program: Path, file: Path, repeats: int, mode: int, mu0: float, warm: int = 0) -> np.ndarray:
     """Iterations, status, cost, time of ours, then of HPIPM, a row for each problem."""
-    text = _run(program, file, str(repeats), str(mode), str(mu0))
+    text = _run(program, file, str(repeats), str(mode), str(mu0), str(warm))
     return np.array([[float(v) for v in line.split()] for line in text.splitlines()])
 
 
-def instructions(program: Path, file: Path, mode: int, mu0: float, folder: Path) -> tuple[float, float]:
+def instructions(program: Path, file: Path, mode: int, mu0: float, folder: Path, warm: int = 0) -> tuple[float, float]:
     """Mean instructions of a problem, of ours and of HPIPM."""
     log = folder / "callgrind.out"
     options = ("--compress-strings=no", "--compress-pos=no", "--dump-line=no", f"--callgrind-out-file={log}")
-    _run("valgrind", "--tool=callgrind", *options, program, file, "1", str(mode), str(mu0))
+    _run("valgrind", "--tool=callgrind", *options, program, file, "1", str(mode), str(mu0), str(warm))
     edges = _edges(log.read_text())
     counts = []
     for callee in ("gt_qp_solve", "d_ocp_qp_ipm_solve"):
@@ -148,124 +200,27 @@ def by_number(qp: StageQP, problems: list[Any], folder: Path) -> tuple[float, fl
     return float(a), float(b)
 
 
-def flat(qp: StageQP, problem: Any) -> dict[str, Any]:
-    """P, c, A, b, G, h, constant of: least z'Pz/2 + c'z + constant, A z = b, G z <= h; z: inputs, excesses, states."""
-    x, data, last = problem
-    n, m, count = qp.stage.states, qp.stage.inputs, qp.count
-    names = ("A", "B", "b", "Q", "S", "R", "q", "r", "C", "D", "constant")
-    stages = [qp.stage] * count + [qp.last]
-    own = [ca.Function("m", [s.data], [ca.densify(ca.SX(v)) for v in (*[s.matrices[k] for k in names],
-           ca.vertcat(*[d.bound for d in s.sides]))]) for s in (qp.stage, qp.last)]  # fmt: skip
-    soft = np.cumsum([0, *[len(s.soft) for s in stages]])
-    at_x = m * count + soft[-1]
-    size = at_x + n * (count + 1)
-    P, c, constant = scipy.sparse.lil_matrix((size, size)), np.zeros(size), 0.0
-    A, b = scipy.sparse.lil_matrix((n * (count + 1), size)), np.zeros(n * (count + 1))
-    G, h = scipy.sparse.lil_matrix((sum(len(s.sides) + len(s.soft) for s in stages), size)), list[float]()
-    A[:n, at_x : at_x + n], b[:n] = np.eye(n), x
-    for k, s in enumerate(stages):
-        values = own[k == count](data[k] if k < count else last)
-        M = {name: v.full() for name, v in zip((*names, "bound"), values, strict=True)}
-        at_u, at, after = m * k, at_x + n * k, at_x + n * (k + 1)
-        P[at:after, at:after], c[at:after] = M["Q"], M["q"][:, 0]
-        constant += float(M["constant"].item())
-        if k < count:
-            P[at_u : at_u + m, at_u : at_u + m], P[at_u : at_u + m, at:after] = M["R"], M["S"]
-            P[at:after, at_u : at_u + m], c[at_u : at_u + m] = M["S"].T, M["r"].reshape(-1)
-            rows = slice(n * (k + 1), n * (k + 2))
-            A[rows, at:after], A[rows, at_u : at_u + m], b[rows] = -M["A"], -M["B"], M["b"][:, 0]
-            A[rows, after : after + n] = np.eye(n)
-        e = m * count + soft[k]
-        for d, bound in zip(s.sides, M["bound"][:, 0], strict=True):
-            i = len(h)
-            G[i, at:after] = -d.sign * M["C"][d.row]
-            if k < count:
-                G[i, at_u : at_u + m] = -d.sign * M["D"][d.row]
-            h.append(-bound)
-            if d.price is not None:
-                G[i, e] = G[i + 1, e] = -1.0
-                h.append(0.0)
-                c[e], P[e, e] = d.price
-                e += 1
-    return {"P": P.tocsc(), "c": c, "A": A.tocsc(), "b": b, "G": G.tocsc(), "h": np.array(h), "constant": constant}
-
-
-def condensed(f: dict[str, Any], free: int) -> dict[str, Any]:
-    """The same in the first `free` unknowns: the states follow from the inputs."""
-    A = f["A"].toarray()
-    Z = np.vstack([np.eye(free), -np.linalg.solve(A[:, free:], A[:, :free])])
-    z = np.append(np.zeros(free), np.linalg.solve(A[:, free:], f["b"]))
-    P, G = f["P"].toarray(), f["G"].toarray()
-    constant = f["constant"] + f["c"] @ z + z @ P @ z / 2
-    return {"P": Z.T @ P @ Z, "c": Z.T @ (f["c"] + P @ z), "G": G @ Z, "h": f["h"] - G @ z, "constant": constant}
-
-
-def by_piqp(f: dict[str, Any], allowed: float) -> tuple[float, float]:
-    """Cost, and time of the call."""
-    try:
-        piqp: Any = importlib.import_module("piqp")
-    except ImportError:
-        return np.nan, np.nan
-    solver = piqp.SparseSolver()
-    solver.settings.eps_abs, solver.settings.eps_rel, solver.settings.check_duality_gap = TOLERANCE, 0.0, True
-    solver.settings.eps_duality_gap_abs, solver.settings.eps_duality_gap_rel = allowed, 0.0
-    solver.setup(f["P"], f["c"], f["A"], f["b"], f["G"], None, f["h"])
-    begun = time.process_time()
-    status = solver.solve()
-    spent = time.process_time() - begun
-    return (solver.result.info.primal_obj + f["constant"] if status == piqp.PIQP_SOLVED else np.nan), spent
-
-
-def by_casadi(f: dict[str, Any], plugin: str, folder: Path | None) -> tuple[float, float]:
-    """Cost, and time of the call of a plugin of CasADi; with a folder, of its generated C."""
-    rows = [scipy.sparse.csc_matrix(f[k]) for k in ("A", "G") if k in f]
-    H, A = ca.DM(scipy.sparse.csc_matrix(f["P"])), ca.DM(scipy.sparse.vstack(rows).tocsc())
-    high = np.concatenate([f[k] for k in ("b", "h") if k in f])
-    low = np.concatenate([f.get("b", np.zeros(0)), np.full(len(f["h"]), -np.inf)])
-    options = {"error_on_fail": False} | (
-        {"print_iter": False, "print_header": False, "max_iter": 5000} if plugin == "qrqp" else {}
-    )
-    solver = ca.conic("rival", plugin, {"h": H.sparsity(), "a": A.sparsity()}, options)
-    if folder is not None:
-        symbols = [ca.MX.sym(name, solver.sparsity_in(name)) for name in solver.name_in()]
-        whole = ca.Function("whole", symbols, list(solver.call(symbols)), solver.name_in(), solver.name_out())
-        here = Path.cwd()
-        try:
-            os.chdir(folder)
-            whole.generate("rival.c")
-        finally:
-            os.chdir(here)
-        _run("gcc", "-O2", "-shared", "-fPIC", folder / "rival.c", "-o", folder / "rival.so", "-lm")
-        solver = ca.external("whole", str(folder / "rival.so"))
-    begun = time.process_time()
-    try:
-        o = solver(h=H, g=f["c"], a=A, lba=low, uba=high, lbx=-np.inf, ubx=np.inf)
-    except RuntimeError:  # generated code that found no solution
-        return np.nan, np.nan
-    spent = time.process_time() - begun
-    good = float(np.max(f["G"] @ o["x"].full()[:, 0] - f["h"])) < 1e-5
-    return (float(o["cost"]) + f["constant"] if good else np.nan), spent
-
-
-def from_python(qp: StageQP, problems: list[Any], rows: np.ndarray, folder: Path) -> None:
-    """Rivals that are called from Python."""
-    free = qp.count * qp.stage.inputs + qp.count * len(qp.stage.soft) + len(qp.last.soft)
-    whole = [flat(qp, p) for p in problems]
-    small = [condensed(f, free) for f in whole]
-    rivals: dict[str, tuple[list[Any], Any, str]] = {
-        "PIQP": (whole, lambda f, cost: by_piqp(f, TOLERANCE * (1 + abs(cost))), "0.5"),
-        "CasADi's C of qrqp": (whole, lambda f, cost: by_casadi(f, "qrqp", folder), "0.02"),
-        "DAQP, condensed, through CasADi": (small, lambda f, cost: by_casadi(f, "daqp", None), "none"),
+def from_python(qp: StageQP, problems: list[Any], own: np.ndarray, folder: Path, *, warm: bool) -> None:
+    """Print the times of ours over those of rivals that are called from Python; `own`: costs and times of ours."""
+    inputs = qp.count * qp.stage.inputs
+    free = inputs + qp.count * len(qp.stage.soft) + len(qp.last.soft)
+    whole = [flat(qp, p[:3]) for p in problems]
+    qrqp = ByQrqp(whole[0], folder / ("warm" if warm else "cold"), warm=warm)
+    piqp = [by_piqp(f, TOLERANCE * (1 + abs(cost))) for f, cost in zip(whole, own[:, 0], strict=True)]
+    rivals = {
+        "PIQP, sparse": (piqp, "0.5"),
+        "DAQP's C, condensed": (by_daqp(whole, own[:, 0], inputs, free, folder, warm=warm), "none"),
+        "CasADi's C of qrqp": ([qrqp(f) for f in whole], "0.02"),
     }
-    for name, (given, solve, goal) in rivals.items():
-        found = np.array([solve(f, cost) for f, cost in zip(given, rows[:, 2], strict=True)])
+    for name, (rows, goal) in rivals.items():
+        found = np.array(rows)
         good = np.isfinite(found[:, 0])
         if not good.any():
-            print(f"{name}: solved none of {len(given)}, or is not installed")
+            print(f"{name}: solved none of {len(whole)}, or is not installed")
             continue
-        far = np.max(np.abs(rows[good, 2] - found[good, 0]) / (1 + np.abs(found[good, 0])))
-        ratio = np.median(rows[good, 3] / found[good, 1])
-        print(f"{name}: {good.sum()} of {len(given)} solved, median {1e3 * np.median(found[good, 1]):.2f} ms; ours "
+        far = np.max(np.abs(own[good, 0] - found[good, 0]) / (1 + np.abs(found[good, 0])))
+        ratio = np.median(own[good, 1] / found[good, 1])
+        print(f"{name}: {good.sum()} of {len(whole)} solved, median {1e3 * np.median(found[good, 1]):.2f} ms; ours "
               f"over it {ratio:.4f} (goal {goal}); costs differ by at most {far:.1e}")  # fmt: skip
 
 
@@ -281,26 +236,55 @@ def of_drawn(c: Controller, program: Path, folder: Path, draws: int) -> None:
     print(f"iterations of {draws} cold programs: {numbers}; without a solution: {failed}")
 
 
-def beside_hpipm(program: Path, folder: Path) -> np.ndarray:
+def beside_hpipm(program: Path, folder: Path, *, warm: bool) -> np.ndarray:
     """Print ours over HPIPM in its best mode and start. Returns the rows of the problems."""
-    best: tuple[float, int, float] | None = None
+    file, best = folder / "problems", tuple[float, int, float, int]()
     for mode in range(len(MODES)):
         for mu0 in STARTS:
-            rows = solved(program, folder / "problems", 1, mode, mu0)
-            if np.all(rows[:, 5] == 0) and (best is None or rows[:, 4].mean() < best[0]):
-                best = (float(rows[:, 4].mean()), mode, mu0)
-    if best is None:
+            for kind in WARM if warm else (0,):
+                rows = solved(program, file, 1, mode, mu0, kind)
+                if np.all(rows[:, 5] == 0) and (not best or rows[:, 4].mean() < best[0]):
+                    best = (float(rows[:, 4].mean()), mode, mu0, kind)
+    if not best:
         print("HPIPM solved not all problems in any mode")
-    mode, mu0 = best[1:] if best else (1, 0.0)
-    rows = solved(program, folder / "problems", 5, mode, mu0)
-    own, other = instructions(program, folder / "problems", mode, mu0, folder)
+    mode, mu0, kind = best[1:] if best else (1, 0.0, int(warm))
+    runs = [solved(program, file, 1, mode, mu0, kind) for _ in range(REPEATS)]
+    rows = runs[0]
+    for at in (3, 7):
+        rows[:, at] = np.min([r[:, at] for r in runs], axis=0)
+    own, other = instructions(program, file, mode, mu0, folder, kind)
     far = np.max(np.abs(rows[:, 2] - rows[:, 6]) / (1 + np.abs(rows[:, 6])))
-    print(f"HPIPM {MODES[mode]}, mu0 {mu0 or 'own'}: {rows[:, 4].mean():.1f} iterations, ours {rows[:, 0].mean():.1f}; "
-          f"costs differ by at most {far:.1e}")  # fmt: skip
+    print(f"{'warm' if warm else 'cold'}: HPIPM {MODES[mode]}, mu0 {mu0 or 'own'}, warm_start {kind}: "
+          f"{rows[:, 4].mean():.1f} iterations, ours {rows[:, 0].mean():.1f}; costs differ by at most "
+          f"{far:.1e}")  # fmt: skip
     print(f"instructions {own / 1e6:.2f} / {other / 1e6:.2f} million = {own / other:.2f} (goal 1.0); time: median "
           f"{np.median(rows[:, 3] / rows[:, 7]):.2f}, worst {rows[:, 3].max() / rows[:, 7].max():.2f} (goal 1.5); ours "
           f"{1e3 * np.median(rows[:, 3]):.2f} ms, HPIPM {1e3 * np.median(rows[:, 7]):.2f} ms")  # fmt: skip
     return rows
+
+
+def of_whole_problem(stages: int, near: float, folder: Path) -> None:
+    """Print the time of the nonlinear problem beside the C that CasADi generates for `sqpmethod` with `qrqp`."""
+    c, rng = law(stages), np.random.default_rng(1)
+    folder.mkdir()
+    ours, rival = Repeated(c, folder / "ours"), BySqpmethod(c, folder / "rival")
+    judged, ratios, spent = _Problem(c, np.zeros((3, stages + 1)), np.zeros(0)), list[float](), list[float]()
+    for _ in range(WHOLE):
+        T = rng.uniform(LOW, HIGH)
+        goal, x = T + near * rng.uniform(-1, 1, 3), np.ravel(np.column_stack([T, near * rng.uniform(-1, 1, 3)]))
+        judged.p[:] = goal[:, None]
+        own_x, own_v, programs, own = ours(x, goal)
+        other_x, other_v, other = rival(x, goal)
+        cost, found = (judged.value(a.T, b.T) for a, b in ((own_x, own_v), (other_x, other_v)))
+        if programs and abs(found - cost) <= SAME * (1 + cost):
+            ratios.append(other / own)
+            spent.append(own)
+        elif not programs or found < cost:
+            print(f"ours did not find the optimum of the nonlinear problem: {cost:.8g}, rival {found:.8g}")
+    middle = f"median {np.median(ratios):.0f}, least {min(ratios):.0f}" if ratios else "none"
+    print(f"CasADi's C of sqpmethod with qrqp, {stages} stages, {near:g} m, cold: the same optimum in {len(ratios)} of "
+          f"{WHOLE}; its time over ours: {middle} (goal 50); ours {1e3 * np.median(spent or [np.nan]):.2f} "
+          "ms")  # fmt: skip
 
 
 def main() -> int:
@@ -323,9 +307,16 @@ def main() -> int:
             print(f"N = {stages}: {a / 1e6:.3f} + {b / 1e6:.4f} x iterations million instructions; with {CAP}: "
                   f"{(a + CAP * b) / 1e6:.2f}, goal for N = 40: {MOST / 1e6:.0f}")  # fmt: skip
             if stages == 40:
+                of_size(folder)
                 of_drawn(c, program, folder, given.draws)
-                rows = beside_hpipm(program, folder)
-                from_python(qp, problems[:RIVALS], rows[:RIVALS], folder)
+                rows = beside_hpipm(program, folder, warm=False)
+                from_python(qp, problems[:RIVALS], rows[:RIVALS, 2:4], folder, warm=False)
+                problems = cycles(c, given.problems, 2)
+                record(qp, problems, folder / "problems")
+                rows = beside_hpipm(program, folder, warm=True)
+                from_python(qp, problems[:RIVALS], rows[:RIVALS, 2:4], folder, warm=True)
+                for whole, near in CASES:
+                    of_whole_problem(whole, near, folder / f"whole_{whole}")
     return 0
 
 

@@ -45,7 +45,7 @@ MARGIN = 1.45  # forces that the servo may ask for, over their limit
 def controller(stages: int = 40) -> Controller:
     """The controller of the cell."""
     sys.path.insert(0, str(problems_dir() / "models"))
-    from l1_cell import Cell  # pyright: ignore[reportMissingImports]
+    from l1_cell import Cell
 
     return gt.predictive.controller(
         Cell(),

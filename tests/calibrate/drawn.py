@@ -106,7 +106,7 @@ def true_poses(kind: str, poses: int, rng: np.random.Generator) -> Values:
     if kind == "tracked_arm":
         low, high = np.radians([[-100, -50, -60, -150, -100, -170], [100, 60, 45, 150, 100, 170]])
         q = rng.uniform(low, high, (poses, 6))
-        return {"q": q, "T": _causal(kind)(q)[0]}
+        return {"q": q, "T": arm_poses.forward(measured_robot(kind), q)[0]}
     more = 2 * poses + 10
     if kind == "f1":
         q = np.array([0.72, 0.26, 0.21, 0, 0, 0]) + rng.uniform(-1, 1, (more, 6)) * np.repeat([0.3, 0.5], 3)

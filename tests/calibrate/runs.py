@@ -48,6 +48,6 @@ def truth(kind: str) -> dict[str, float]:
 
 def one(rng: np.random.Generator, k: int, kind: str, cost: Cost = "length", known: bool = True) -> Estimate:
     """Synthetic: normal noise of NOISE on all signals; starts at the truth."""
-    m = measured(robot(kind), POSES[kind], noise(kind), rng, known)  # pyright: ignore
+    m = measured(robot(kind), POSES[kind], noise(kind), rng, known)
     fit: Any = calibrate(ready(kind).on(m), cost=cost).estimate
     return fit

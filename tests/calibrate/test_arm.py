@@ -84,9 +84,10 @@ def test_the_calibrated_arm_is_the_true_one(study, tmp_path) -> None:
     for name in ("parameters.toml", "calibrated.urdf"):
         (tmp_path / name).write_text(study.files[name])
     q = np.random.default_rng(1).uniform(-0.8, 0.8, (40, 6))
-    arms = [resolve(name, Context(folder=tmp_path)) for name in ("parameters.toml", "calibrated.urdf")]
-    arms += [arm_poses.true_arm(), arm_poses.nominal()]
-    by_toml, by_urdf, true, before = (arm.causal(known="q", targets="T")(q)[0] for arm in arms)
+    toml, urdf = (resolve(name, Context(folder=tmp_path)) for name in ("parameters.toml", "calibrated.urdf"))
+    assert isinstance(toml, gt.robots.SerialArm)
+    by_toml, true, before = (arm_poses.forward(arm, q)[0] for arm in (toml, arm_poses.true_arm(), arm_poses.nominal()))
+    by_urdf, _ = urdf.causal(known="q", targets="T")(q)
     np.testing.assert_allclose(by_urdf, by_toml, atol=1e-12)
     off, was = (np.linalg.norm(T - true, axis=1).max() for T in (by_toml, before))
     assert off < 1e-4 and was > 3e-3  # m

@@ -37,7 +37,7 @@ every = 3
 def measured(arm: gt.robots.SerialArm, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Positions (n, 3) and quaternions (n, 4) in the frame of a tracker, synthetic with noise."""
     rng = np.random.default_rng([SEED, 1])
-    T, R = (arm.causal(known="q", targets=name)(q)[0] for name in ("T", "R"))
+    T, R = arm_poses.forward(arm, q)
     frame = Rotation.from_euler("xyz", arm_poses.DEVICE_RPY)
     T = frame.inv().apply(T - arm_poses.DEVICE_T) + NOISE * rng.standard_normal(T.shape)
     turn = Rotation.from_rotvec(TURN_NOISE * rng.standard_normal(T.shape)) * frame.inv() * Rotation.from_matrix(R)

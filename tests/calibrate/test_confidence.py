@@ -57,7 +57,7 @@ def test_the_stated_noise_is_judged_by_the_residuals():
     assert stated is not None and alone is not None
     assert noise_size(stated).passed and stated.degrees_of_freedom == 60 * 3 - 21
     assert alone.noise == pytest.approx(np.hypot(NOISE["T"], 0.9 * NOISE["q"]), rel=0.15) and not alone.known_noise
-    np.testing.assert_allclose(alone.std, calibrate(true_robot("three_link"), m).estimate.std, rtol=0.35)  # pyright: ignore
+    np.testing.assert_allclose(alone.std, calibrate(true_robot("three_link"), m).estimate.std, rtol=0.35)
     half = Measurements(m.values, {n: s / 2 for n, s in m.noise.items()})
     judged = calibrate(true_robot("three_link"), half, cost="orthogonal").estimate
     assert judged is not None and judged.noise == pytest.approx(2 * stated.noise, rel=1e-6)
@@ -67,8 +67,7 @@ def test_the_stated_noise_is_judged_by_the_residuals():
 @pytest.mark.parametrize("kind", MODELS)
 def test_residuals_are_as_large_as_the_stated_noise_whatever_the_cost_weighs(kind):
     sizes = [
-        calibrate(ready(kind).on(measured(kind, POSES[kind], noise(kind), seed))).estimate.noise  # pyright: ignore
-        for seed in range(4)
+        calibrate(ready(kind).on(measured(kind, POSES[kind], noise(kind), seed))).estimate.noise for seed in range(4)
     ]
     assert abs(np.mean(sizes) - 1) < 0.08  # links of a pose share its noise: few of the residuals are their own
 

@@ -84,8 +84,8 @@ def test_a_drift_is_named_and_once_estimated_the_lengths_are_right(
         assert low <= true[k] <= high
 
 
-def test_clean_readings_name_no_drift() -> None:
-    count = 100
+@pytest.mark.parametrize("count", [30, pytest.param(100, marks=pytest.mark.proof)])
+def test_clean_readings_name_no_drift(count: int) -> None:
     fits = [fitted(drawn("none", k, device=False), False) for k in range(count)]
     for noise in (lambda c: None, lambda c: length_covariance(c, "linear")):
         named = [alarms(device_drifts(c, c.problem.measurements.poses[0], noise(c))) for c in fits]

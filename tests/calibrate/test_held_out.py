@@ -70,11 +70,12 @@ def test_as_many_unknowns_as_equations_prove_nothing() -> None:
     assert not judged(c, a, b).passed
 
 
+@pytest.mark.parametrize("runs", [15, pytest.param(30, marks=pytest.mark.proof)])
 @pytest.mark.parametrize("cost", ["length", "orthogonal"])
-def test_what_was_known_before_counts_with_its_errors(cost: Cost) -> None:
-    """Nine poses of 21 unknowns known to 0.2 mm: what a sound model has of held-out errors, beside 30 draws of
-    start values and of noise."""
-    robot, known, runs = true_robot("three_link"), 2e-4, 30
+def test_what_was_known_before_counts_with_its_errors(cost: Cost, runs: int) -> None:
+    """Nine poses of 21 unknowns known to 0.2 mm: what a sound model has of held-out errors, beside draws of start
+    values and of noise."""
+    robot, known = true_robot("three_link"), 2e-4
     true = geometry(robot, GEOMETRY["three_link"])
     ratios, said = [], []
     for seed in range(runs):

@@ -179,7 +179,7 @@ def test_wrong_choices_get_a_sentence(choice, sentence):
 def test_wrong_calls_get_a_sentence():
     robot, m = true_robot("three_link"), measured("three_link", 5, {"q": 1e-5}, 0)
     with pytest.raises(gt.ModelError, match="there is no cost 'lenght'; choose one of: squared, length"):
-        calibrate(robot, m, cost="lenght")  # pyright: ignore
+        calibrate(robot, m, cost="lenght")
     few = calibrate(robot, m)  # 15 equations for 21 unknowns: said, not refused
     assert few.estimate is None and few.identifiability is not None and few.identifiability.rank == 15
     assert few.message.endswith("but no degrees of freedom are left to estimate their errors")

@@ -26,7 +26,7 @@ RECOVERED = 1e-8  # m
 def delta():
     sys.path.insert(0, str(PROBLEMS / "models"))
     try:
-        from delta import Delta  # pyright: ignore[reportMissingImports]
+        from delta import Delta
     finally:
         sys.path.pop(0)
     return Delta()

@@ -192,7 +192,7 @@ def test_wrong_calls_get_a_sentence():
     with pytest.raises(gt.ModelError, match="40 poses from 36 candidates"):
         condition_removal(info, 40)
     with pytest.raises(gt.ModelError, match="no criterion 'A'; choose one of: D, E, I"):
-        exchange(info, 10, "A")  # pyright: ignore
+        exchange(info, 10, "A")
     with pytest.raises(gt.ModelError, match="needs the moment"):
         exchange(info, 10, "I")
     with pytest.raises(gt.ModelError, match="must be positive"):

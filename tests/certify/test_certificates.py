@@ -157,6 +157,50 @@ def test_a_singular_pose_is_named_and_never_proved():
     assert kink.undecided > 0 and not any("opposite" in word for word in kink.claims.values())  # no zero between them
 
 
+def of_one(y) -> gt.CausalFunction:
+    """The function y of one number a."""
+
+    class One(gt.Model):
+        a = gt.variable(start=0.5)
+        y = gt.variable()
+
+        def equations(self):
+            yield self.y == y(self.a)
+
+    return One().causal(known="a", targets="y")
+
+
+@pytest.mark.parametrize("y", [
+    lambda a: a + 0.5 * gt.absolute(a), lambda a: gt.maximum(a, 2 * a),
+    lambda a: a + gt.sign(a),
+], ids=["kink", "maximum", "jump"])  # fmt: skip
+def test_there_is_no_jacobian_at_a_kink_or_a_jump(y):
+    """Also on the face of a box, and in a box of one point."""
+    f = of_one(y)
+    for low, high in ((0.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (-1.0, 1.0)):
+        s = study(f, {"a": [[low, high]]}, regular=True, max_boxes=400)
+        assert not s.status.ok and 0 < s.undecided < (1e-8 if high > low else 1.1)
+        assert s.claims["status OK"] == "proved"
+    beside = study(f, {"a": [[0.1, 1.0]]}, regular=True)
+    assert beside.proved == 1.0 and 0 < beside.least_singular_value <= f.jacobian(0.5)[0].item()
+
+
+def test_the_sign_of_a_zero_decides_the_side_of_the_cut():
+    f = of_one(lambda a: gt.atan2(-a, -1.0))
+    s = study(f, {"a": [[0.0, 1.0]]})
+    observed = abs(np.arctan2(0.0, -1.0) - f(0.0)[0])  # -0.0 is computed
+    assert s.proved == 1.0 and observed > 6.0 and observed <= s.errors["y"]
+
+
+def test_a_counter_example_in_float_lies_in_the_box_and_has_all_its_digits():
+    """0.1 is no number of float: the one next to it lies outside and violates the bound, all inside keep it."""
+    square = of_one(lambda a: a * a)
+    s = study(square, {"a": [[0.05, 0.1]]}, bounds={"y": [[0.0, 0.0100000002]]}, real="float", max_boxes=100)
+    assert not s.counter_examples
+    s = study(of_one(gt.asin), {"a": [[-1.0, float(np.nextafter(1.0, 2.0))]]}, max_boxes=100)
+    assert "(a = 1.0000000000000002)" in s.claims["finite results"]
+
+
 def test_a_part_too_small_for_the_sum_of_the_volumes_is_still_undecided():
     class Near(gt.Model):
         a = gt.variable(3, start=[1.0, 1.0, 1.0])

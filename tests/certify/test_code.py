@@ -14,6 +14,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
 
 import gtmodel as gt
@@ -21,11 +22,13 @@ from gtmodel import cgen
 from gtmodel._files import codegen_dir
 from gtmodel.certify import InputSpeed
 from gtmodel.certify.code import CHECKER, FILE, PARTS, statements
+from gtmodel.certify.newton_form import _shrinking
 from gtmodel.cgen.manifest import read
 from gtmodel.results import Work
+from problems.models import mechanisms
 
 BOX = {"T": [[0.0, 0.8], [-1.1, -0.7], [0.05, 0.55]], "q": [[-1.2, -1.0], [-1.3, -1.1], [-1.25, -1.05]]}
-BODY, MANIFEST = "gt_l1_body.c", "manifest.json"
+BODY, ROUND, MANIFEST = "gt_l1_body.c", "gt_l1.c", "manifest.json"
 
 
 MIDDLE = (-1.46, -4.49, 0.02)  # m, of the box of problems/d1_controller.toml
@@ -122,7 +125,7 @@ def of(path: str, change: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 IK, FK, D1 = (f"certificate/proved/gt_{name}" for name in ("l1_ik", "l1_fk", "d1_ik"))
 IN_FK = "functions/gt_l1_fk"
-TAMPERED: dict[str, Callable[[Path], None]] = {
+TAMPERED: dict[str, Callable[[Path], object]] = {
     "a link is shorter": changed(BODY, lambda t: _in_body(t, "ik", r"=4\.2024999999999997e\+00;", "=1e-01;")),
     "a square is missing": changed(BODY, lambda t: _in_body(t, "ik", r"=casadi_sq\((\w+)\);", r"=\1;")),
     "a root is a sine": changed(BODY, lambda t: _in_body(t, "ik", r"=sqrt\(", "=sinh(")),
@@ -141,9 +144,35 @@ TAMPERED: dict[str, Callable[[Path], None]] = {
     "an input must be smaller": changed(MANIFEST, of("functions/0/limits/T", lambda s: 0.1)),
     "pivots may be smaller": changed(MANIFEST, of("pivot_tolerance", lambda x: 0.0)),
     "a pivot may be zero": changed(MANIFEST, of("functions/1/margins/1/scale", lambda s: 0.0)),
+    "two bodies change places": changed(BODY, lambda t: _swapped(t, "int gt_l1_ik_body(", "int gt_l1_fk_body(")),
+    "a macro takes the place of a square": changed(
+        BODY, lambda t: t.replace("/* gt_l1_ik_body", "#define casadi_sq(x) (x)\n/* gt_l1_ik_body")
+    ),
+    "a square of another type": changed(BODY, lambda t: t.replace(SQUARE, "double casadi_sq(double x) { return x;}")),
+    "a root of another library": changed(
+        BODY, lambda t: t.replace("/* gt_l1_ik_body", "double sqrt(double x) { return x;}\n/* gt_l1_ik_body")
+    ),
+    "a header is another": changed(BODY, lambda t: t.replace("<math.h>", '"gt_other.h"')),
+    "contraction is on": changed("gt_float.h", lambda t: t.replace("FP_CONTRACT OFF", "FP_CONTRACT ON")),
+    "a pivot is tested as a root": changed(MANIFEST, of("functions/1/margins/1/kind", lambda _: "discriminant")),
+    "a test in the code is stricter": changed(ROUND, lambda t: t.replace("margins[0] >= 0.0", "margins[0] >= 1.0")),
+    "a limit in the code is smaller": changed(ROUND, lambda t: t.replace("total <= 4194304.0", "total <= 1.5")),
+    "a result is changed": changed(ROUND, lambda t: t.replace("    *out = y;", "    y.q_m[0] += 1e-3;\n    *out = y;")),
+    "a result is another": changed(ROUND, lambda t: t.replace("res[0] = y.q_m;", "res[0] = y.q_m + 1;")),
+    "a result is copied": changed(
+        ROUND, lambda t: t.replace("    *out = y;", "    gt_copy(y.q_m, in->T_m, 3);\n    *out = y;")
+    ),
+    "boxes overlap": changed(FILE, of(f"{IN_FK}/boxes", lambda b: [*b, b[0]])),
+    "a box is not a number": changed(FILE, of(f"{IN_FK}/boxes/0/0/0", lambda x: float("nan"))),
+    "a bound is not a number": changed(MANIFEST, of(f"{IK}/errors/0", lambda e: float("nan"))),
+    "the certificate claims less than the manifest": lambda folder: [
+        changed(MANIFEST, of(f"{IK}/errors", lambda e: [0.0] * 3))(folder),
+        changed(FILE, of("functions/gt_l1_ik", lambda f: f | {"errors": [1.0] * 3}))(folder),
+    ],
     "an output has no bound": changed(MANIFEST, of(f"{IK}/errors", lambda e: e[1:])),
     "nothing is stated": changed(MANIFEST, of("certificate/proved", lambda f: {})),
 }  # fmt: skip
+SQUARE = "static inline casadi_real casadi_sq(casadi_real x) { return x*x;}"
 WRAPPER, SIX_BODY = "gt_d1.c", "gt_d1_body.c"
 
 
@@ -165,6 +194,7 @@ TAMPERED_SIX: dict[str, Callable[[Path], None]] = {
     "pivots must be larger": edited(WRAPPER, "1.27e-07", "1.27e+07"),
     "a branch ends earlier": edited(WRAPPER, r"(margins\[1\] > \(GT_PIVOT_TOLERANCE \* )[\d.]+", r"\g<1>1e9"),
     "a test is another": edited(WRAPPER, r"\(margins\[0\] >= 0\.0\)", "(margins[0] <= 0.0)"),
+    "a step goes the other way": edited("gt_newton.h", r"z\[i\] -= x", "z[i] += x"),
     "three steps": edited("gt_newton.h", "GT_NEWTON_STEPS 4", "GT_NEWTON_STEPS 3"),
     "the inputs move faster": changed(MANIFEST, of(f"{D1}/speed/T", lambda v: 60.0)),
     "the calls are rarer": changed(MANIFEST, of(f"{D1}/period", lambda v: 60 * v)),
@@ -178,6 +208,10 @@ def _in_body(text: str, function: str, pattern: str, new: str) -> str:
     """Change the first place in a body."""
     head, begin, rest = text.partition(f"/* gt_l1_{function}_body:(")
     return head + begin + re.sub(pattern, new, rest, count=1)
+
+
+def _swapped(text: str, a: str, b: str) -> str:
+    return text.replace(a, "@").replace(b, a).replace("@", b)
 
 
 class TwoSolutions(gt.Model):
@@ -257,7 +291,35 @@ def test_what_is_not_proved_is_a_failed_check_or_left_out_with_the_reason():
     assert not made.checks["certified_six"].passed and not made.functions
 
 
-UNARY = ["neg", "twice", "sq", "inverse", "sqrt", "sin", "cos", "tanh", "atan", "asin", "acos", "fabs"]
+def test_checker_and_proof_agree_on_steps_that_shrink(checker):
+    n = importlib.import_module("check_newton")
+    for left in (0.0, 0.1, 0.15, 0.17, 0.175, 0.176, 0.3):
+        for quiet in (1e-16, 1e-12, 5e-12, 2e-11, 1e-10):
+            assert n.shrinks(n.arb(left), n.arb(quiet)) == bool(_shrinking(np.array(left), np.array(quiet)))
+
+
+def test_angles_that_are_brought_into_a_turn_are_checked(checker, tmp_path, capsys):
+    """The five-bar's angles, and a function with an operation that the checker cannot read, which is left out."""
+
+    class Decay(gt.Model):
+        a = gt.variable(start=0.5)
+        y = gt.variable()
+
+        def equations(self):
+            yield self.y == gt.exp(-self.a)
+
+    robot = mechanisms.FiveBar()
+    functions = {"ik": robot.causal(known="x", targets="q"), "decay": Decay().causal(known="a", targets="y")}
+    box = {"x": [[0.05, 0.35], [0.55, 0.75]], "a": [[0.0, 1.0]]}
+    made = statements(functions, box, "bar", "double", Work(), regular=["ik"])
+    assert all(c.passed for c in made.checks.values()) and "OP_EXP" in made.left_out["decay"]
+    cgen.generate(functions, tmp_path / "bar", name="bar", box=box, beside=made.beside)
+    assert "=floor(" in (tmp_path / "bar" / "gt_bar_body.c").read_text()
+    checker.main(tmp_path / "bar")
+    assert "gt_bar_ik: proved in " in capsys.readouterr().out
+
+
+UNARY = ["neg", "twice", "sq", "inverse", "sqrt", "sin", "cos", "tanh", "atan", "asin", "acos", "fabs", "floor"]
 
 
 @pytest.mark.parametrize("op", [*UNARY, "+", "-", "*", "/", "atan2", "fmin", "fmax"])

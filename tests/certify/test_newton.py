@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,10 +11,11 @@ from mpmath import matrix, mp, mpf
 
 import gtmodel as gt
 from gtmodel.certify.intervals import Interval
-from gtmodel.certify.newton_form import NewtonProver
+from gtmodel.certify.newton_form import REAL, NewtonProver, _shrinking
 from gtmodel.certify.tape import _lifted
 from gtmodel.certify.tube import KernelDerivatives, Tube
 from gtmodel.cgen.newton_stages import evaluate_stages, stages
+from gtmodel.cgen.newton_steps import CONTRACTION
 from gtmodel.results import ArgumentError
 from tests.certify.exact import Exact
 
@@ -73,6 +75,18 @@ def test_the_code_reaches_the_solution_from_its_last_answer(points):
     assert all(s.errors[name] <= 1000 * x for name, x in observed.items())
 
 
+def test_steps_that_are_said_to_shrink_pass_the_test_of_the_code():
+    """The worst steps from every distance e; a fifth of the distance left is too much."""
+    rng = np.random.default_rng(0)
+    left, quiet = rng.uniform(0.0, 0.2, 4000), 10.0 ** rng.uniform(-17, -10.3, 4000)
+    good = _shrinking(left, quiet)
+    assert good[(left < 0.15) & (quiet < 1e-12)].all() and not good[left > 0.1755].any()
+    q, r = left[good, None], quiet[good, None]
+    e = 10.0 ** np.linspace(-13, 0, 400)
+    after = (1 + q) * (q * e + r) + 2 * r
+    assert np.all(after <= np.maximum(CONTRACTION * ((1 - q) * e - 2 * r), REAL.round_off))
+
+
 def test_without_a_motion_the_tolerance_bounds_the_error():
     s = gt.certify.study(six_links(), box(0.02))
     assert s.proved == 1.0 and s.steps is None and "tolerance" in s.notes[0]
@@ -125,7 +139,7 @@ def test_a_wrong_sign_in_a_jacobian_is_found(monkeypatch):
         low, high = e.lo.copy(), e.hi.copy()
         row = d.m + int(np.argmax(np.abs(low[d.m :, 0])))
         low[row], high[row] = -e.hi[row], -e.lo[row]
-        return e.__class__(low, high, e.error, e.continuous, e.undefined)
+        return replace(e, lo=low, hi=high)
 
     monkeypatch.setattr(d.first, "over", wrong)
     assert _slopes_outside(d, z, MIDDLE) > 0

@@ -44,7 +44,7 @@ def test_it_is_the_mean_square_of_differences_of_neighbouring_means():
         assert abs(F.allan_deviation(y, PERIOD, [m])[1][0] / expected - 1) < 1e-10
 
 
-@pytest.mark.parametrize("runs", [30, pytest.param(80, marks=pytest.mark.proof)])
+@pytest.mark.parametrize("runs", [15, pytest.param(80, marks=pytest.mark.proof)])
 @pytest.mark.parametrize(
     "noise",
     [

@@ -93,11 +93,12 @@ def test_the_band_is_exact():
     assert (round(nis.low, 2), round(nis.high, 2)) == (11.92, 12.08)
 
 
+@pytest.mark.parametrize("runs", [30, pytest.param(100, marks=pytest.mark.proof)])
 @pytest.mark.parametrize("axes", [3, 5])
-def test_errors_and_innovations_of_100_runs_lie_in_their_bands(axes, plane, space):
+def test_errors_and_innovations_of_many_runs_lie_in_their_bands(axes, runs, plane, space):
     case = plane if axes == 3 else space
     system = case.system
-    drawn = F.draw(system, case.initial, 0.001 * np.arange(400 if axes == 3 else 150), seed=22, runs=100)
+    drawn = F.draw(system, case.initial, 0.001 * np.arange(400 if axes == 3 else 150), seed=22, runs=runs)
     run = F.ErrorState(system).run(drawn.log, case.initial, truth=drawn.truth)
     errors = F.judged(run)
     assert errors.onset is None

@@ -131,6 +131,8 @@ def test_full_densities_of_noise_are_those_of_the_covariance_they_leave(bent: fl
     P = run.covariances[-1]
     expected = np.block([[density / 3, density / 2], [density / 2, density]])
     np.testing.assert_allclose(P, expected, rtol=0, atol=1e-4 if bent else 1e-12)
+    for k, name in enumerate(("x", "v")):
+        np.testing.assert_array_equal(run.covariance(name)[-1], P[2 * k : 2 * k + 2, 2 * k : 2 * k + 2])
     other = system.with_(noise={"a": 4 * density})
     assert np.allclose(other.transition(0.0, 1.0, np.zeros((1, 4)), *2 * [np.zeros(0)]).Q[..., 2:, 2:], 4 * density)
     with pytest.raises(ArgumentError) as refused:

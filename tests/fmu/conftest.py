@@ -9,6 +9,7 @@ import pytest
 
 import gtmodel as gt
 from gtmodel.compiler.toolchain import find
+from gtmodel.fmu.export import FLAGS
 from tests.fmu.makers import MAKERS
 from tests.fmu.raw import unpacked
 
@@ -18,22 +19,30 @@ if isinstance(find(), str):
 
 @pytest.fixture(scope="session", autouse=True)
 def compiled_once():
-    """The same sources give the same library, so it is made once. That two compilations give the same bytes is seen in
-    processes of their own, which this does not reach."""
+    """The same sources give the same library, so it is made once, and without optimisation in half of the time: it
+    computes the same bits. That two compilations give the same bytes is seen in processes of their own, which this does
+    not reach."""
     export = import_module("gtmodel.fmu.export")  # the package has a function of that name
     real, made = export._compiled, {}
 
     def compile_once(compiler, files, link):
         if link != export.LINK:  # for Windows
             return real(compiler, files, link)
-        key = (compiler, *files.items())
+        key = (compiler, export.FLAGS, *files.items())
         if key not in made:
             made[key] = real(compiler, files, link)
         return made[key]
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(export, "_compiled", compile_once)
+        patch.setattr(export, "FLAGS", tuple(f for f in export.FLAGS if not f.startswith("-O")))
         yield
+
+
+@pytest.fixture
+def as_delivered(monkeypatch):
+    """With the flags of a user's unit."""
+    monkeypatch.setattr(import_module("gtmodel.fmu.export"), "FLAGS", FLAGS)
 
 
 @pytest.fixture(scope="session")

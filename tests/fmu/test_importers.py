@@ -13,7 +13,8 @@ import gtmodel as gt
 from tests.fmu.makers import MAKERS, function, unit as unit_of
 from tests.fmu.raw import OK, Raw, unpacked
 
-LARGE, SLOW = ("filtered_p", "f1_ik_p", "ik_p"), pytest.mark.proof  # beside the same without parameters
+# beside the same without parameters, or with them
+LARGE, SLOW = ("filtered_p", "f1_ik_p", "ik_p", "spiral"), pytest.mark.proof
 
 
 @pytest.mark.parametrize("version", [3, 2])

@@ -29,6 +29,10 @@ AGREEMENT = 1e-10
 # of pinocchio's ten numbers of a link, m mc Ixx Ixy Iyy Ixz Iyz Izz, ours J, mc, m
 ORDER = [4, 5, 7, 6, 8, 9, 1, 2, 3, 0]
 FRICTION = ["viscous", "coulomb"]
+NUMBERS = [
+    "base_xyz", "base_rpy", "xyz", "rpy", "axis", "tool_xyz", "tool_rpy", "m", "mc", "J", "rotor_inertia",
+    "velocity_scale", *FRICTION,
+]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -148,9 +152,9 @@ def test_the_robot_file_is_the_same_arm(study, tmp_path) -> None:
     for name in ("identified.urdf", "identified.toml"):
         (tmp_path / name).write_text(study.files[name])
     arms = [resolve(f"identified.{ending}", Context(folder=tmp_path)) for ending in ("urdf", "toml")]
-    q, v, a = motion(6, 4, 6)
-    first, second = (x.causal(known="q", targets="tau")(q, v, a)[0] for x in arms)
-    np.testing.assert_allclose(second, first, rtol=1e-12, atol=1e-9)
+    assert arms[0].structure == arms[1].structure
+    for name in NUMBERS:  # all that its efforts depend on; the test before this one compares them with pinocchio's
+        np.testing.assert_allclose(getattr(arms[1], name), getattr(arms[0], name), rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(arms[1].viscous, [study.parameters[f"viscous[{k}]"] for k in range(6)], rtol=1e-12)
 
 

@@ -68,16 +68,17 @@ def test_symmetric_friction_is_determined_from_one_pose() -> None:
     assert len(fit.notes) == 1
 
 
-def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
-    seeds = range(200)  # fixed beforehand; 99.9 % band of a binomial at 0.95 over 200: 179..198
+@pytest.mark.parametrize(("count", "low", "high"), [(50, 41, 50), pytest.param(200, 179, 198, marks=pytest.mark.proof)])
+def test_intervals_hold_the_truth_as_often_as_they_say(count: int, low: int, high: int) -> None:
+    """Seeds fixed beforehand; 99.9 % band of a binomial at 0.95."""
     truth = {"m": MASS, "coulomb_plus[1]": PLUS[1], "viscous_minus[2]": BACK[2]}
     hits = dict.fromkeys(truth, 0)
-    for seed in seeds:
+    for seed in range(count):
         estimate = identify_friction(runs(3.0, seed), PATTERN, gravity="poses").estimate
         for name, true in truth.items():
-            low, high = estimate.interval(name)
-            hits[name] += low <= true <= high
-    assert all(179 <= count <= 198 for count in hits.values()), hits
+            start, end = estimate.interval(name)
+            hits[name] += start <= true <= end
+    assert all(low <= n <= high for n in hits.values()), hits
 
 
 def test_norms_of_the_asymmetry() -> None:
@@ -213,10 +214,11 @@ def drawn(seed: int, poses: int, *, alike: bool) -> tuple[Runs, np.ndarray]:
     return Runs(v, force, pose, np.ones(len(pose)), rng.uniform(0, 1, v.shape)), pattern
 
 
+@pytest.mark.parametrize("count", [20, pytest.param(60, marks=pytest.mark.proof)])
 @pytest.mark.parametrize(("poses", "alike"), [(1, False), (2, True), (3, True), (3, False)])
-def test_forces_in_exchanged_columns_are_recognised_and_no_others(poses: int, alike: bool) -> None:
+def test_forces_in_exchanged_columns_are_recognised_and_no_others(poses: int, alike: bool, count: int) -> None:
     seen = 0
-    for seed in range(60):
+    for seed in range(count):
         data, pattern = drawn(seed, poses, alike=alike)
         assert len(identify_friction(data, pattern).notes) <= 3  # honest: never refused
         exchanged = data._replace(force=data.force[:, [1, 0, 2]])
@@ -224,7 +226,7 @@ def test_forces_in_exchanged_columns_are_recognised_and_no_others(poses: int, al
             identify_friction(exchanged, pattern)
         except ArgumentError as error:
             seen += "force 1, force 2 look exchanged" in str(error)
-    assert seen >= 57  # one pattern of 60 may be alike for two carts
+    assert seen >= 0.95 * count  # a pattern may be alike for two carts
 
 
 def test_what_no_run_tells_of_the_columns_is_said() -> None:

@@ -41,7 +41,8 @@ def test_the_declared_problem_and_the_printed_windows(capsys: pytest.CaptureFixt
     assert len(checks) == 6 and all(check["passed"] for check in checks.values())
     files = {p.name for p in (tmp_path / "out").iterdir()}
     assert files == {
-        "result.json", "errors.csv", "run.toml", "error_1.png", "error_2.png", "faces.png", "robot.png"
+        "result.json", "errors.csv", "run.toml", "error_1.png", "error_2.png", "faces.png", "robot.png",
+        "error_1.scene.json", "error_2.scene.json",
     }  # fmt: skip
     table = np.genfromtxt(tmp_path / "out" / "errors.csv", delimiter=",", names=True)
     assert table["error_1_um"].max() == pytest.approx(one["max_um"], rel=1e-5)

@@ -31,10 +31,15 @@ def own_files(folder: Path) -> Path:
     return folder
 
 
-@pytest.fixture(scope="module", params=["solve", "codegen"])
+# code is written as results are, in more files
+JOBS = ["solve", "codegen 3", pytest.param("codegen", marks=pytest.mark.proof)]
+
+
+@pytest.fixture(scope="module", params=JOBS)
 def broken(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     """The three whole folders, and one record per broken write; see tests.support.killed."""
-    words = [sys.executable, "-m", "tests.support.killed", str(own_files(tmp_path_factory.mktemp("k"))), request.param]
+    place = str(own_files(tmp_path_factory.mktemp("k")))
+    words = [sys.executable, "-m", "tests.support.killed", place, *request.param.split()]
     done = subprocess.run(words, cwd=CLONE, env=environment(), capture_output=True, text=True, check=False, timeout=300)
     assert done.returncode == 0, done.stderr
     return [json.loads(line) for line in done.stdout.splitlines()]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,8 @@ from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import answer, context_of, explain
 from gtmodel.results import SolveStatus
 
-COARSE = "section.step_m=0.2"
+STEP = 0.2  # m
+COARSE = f"section.step_m={STEP}"
 
 
 def solved(name: str, *changes: str):
@@ -85,3 +88,8 @@ def test_an_arm_from_a_urdf_deflects_as_its_kinematics_by_differences() -> None:
     c = 1 / np.array([2.0e4, 2.0e4, 2.0e4, 6.0e3, 6.0e3, 6.0e3])
     np.testing.assert_allclose(s.pose, rows[0], atol=1e-12)
     np.testing.assert_allclose(s.deflection, (J * c) @ J.T @ [0.0, 0.0, -50.0], rtol=0, atol=1e-9)  # h^2 of it
+    # the section holds the reported pose: within half a diagonal of its grid it is as stiff
+    rows = np.genfromtxt(io.StringIO(s.files["map.csv"]), delimiter=",", names=True)
+    away = np.linalg.norm(np.column_stack([rows[f"{axis}_m"] for axis in "xyz"]) - s.pose, axis=1)
+    assert away.min() < STEP / np.sqrt(2)
+    assert rows["softest_N_m"][np.argmin(away)] == pytest.approx(s.stiffness[0], rel=0.1)

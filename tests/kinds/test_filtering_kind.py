@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -87,10 +88,15 @@ def test_a_persons_own_model_and_log_are_filtered_as_by_hand(folder: Path, gtmod
     assert {p.name for p in (folder / "out").glob("*.png")} == {"estimates.png", "innovations.png"}
 
 
+@cache
+def shipped() -> F.FilterStudy:
+    return gt.load(SHIPPED)()
+
+
 def test_the_model_of_the_shipped_problem_has_twelve_lines_and_its_errors_are_what_the_filter_says() -> None:
     lines = (CLONE / "problems" / "models" / "pendulum.py").read_text()
     assert len(lines.splitlines()) <= 12
-    study = gt.load(SHIPPED)()
+    study = shipped()
     assert study.status.ok and study.synthetic and study.trajectory.synthetic
     low, high = study.nis_band
     assert low < study.nis < high
@@ -105,7 +111,7 @@ def test_the_file_is_the_call_of_the_library() -> None:
     call = gt.load(SHIPPED)
     system, start, asked, name = call.arguments
     own = F.filter_study(system, start, asked, name, smoothing=True)
-    assert own.trajectory["angle"].tolist() == gt.load(SHIPPED)().trajectory["angle"].tolist()
+    assert own.trajectory["angle"].tolist() == shipped().trajectory["angle"].tolist()
 
 
 def test_wrong_noise_is_said_with_its_name() -> None:
@@ -168,7 +174,7 @@ def test_what_cannot_be_filtered_names_its_key(gtmodel: Commands, tmp_path: Path
 
 @pytest.mark.parametrize("name", ["iekf", "ukf"])
 def test_other_filters_of_nearly_linear_motion_say_the_same(name: str) -> None:
-    study, usual = gt.load(SHIPPED, f'filter="{name}"', "smoothing=false")(), gt.load(SHIPPED)()
+    study, usual = gt.load(SHIPPED, f'filter="{name}"', "smoothing=false")(), shipped()
     assert study.trajectory["angle"] == pytest.approx(usual.trajectory["angle"], abs=1e-3)  # a third of its deviation
     assert study.smoothed_rms_error == {} and set(study.rms_error) == {"angle", "rate"}
 

@@ -9,7 +9,11 @@ import pytest
 
 import gtmodel as gt
 from gtmodel import SolveStatus
+from gtmodel._new import example_of
+from gtmodel._report import asked
+from gtmodel.problem_files import names
 from gtmodel.problem_files.load import load
+from gtmodel.problem_files.run import context_of
 from tests.kinds.test_stopped import KINDS, problem_of
 from tests.support.commands import Commands
 from tests.support.pages import drawn_in, faults_of, read
@@ -52,3 +56,10 @@ def test_generated_code_has_a_report_of_its_own(tmp_path: Path, capsys: pytest.C
     assert "gtmodel codegen l1_controller.toml -o code --report code.html" in [words for _, words in read(text).texts]
     file.write_text("mine")
     assert gtmodel(*words).code == 2 and file.read_text() == "mine"
+
+
+def test_every_key_has_a_meaning() -> None:
+    """Also one in a table by name, such as signals.force.unit, and one value of a table, such as box.T."""
+    for kind in names():
+        about = asked(loaded := load(example_of(kind)), context_of(loaded))
+        assert about.keys and [key for key, _, _, meaning in (*about.keys, *about.defaults) if not meaning] == [], kind

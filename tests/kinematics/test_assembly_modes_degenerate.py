@@ -199,7 +199,7 @@ def test_wrong_shapes_are_errors_with_a_sentence() -> None:
     with pytest.raises(ModelError, match="B must be an array of real numbers"):
         assembly_modes(p.A[0], p.B[0] + 1j, p.L[0])
     with pytest.raises(ModelError, match="L must be an array of real numbers"):
-        assembly_modes(p.A[0], p.B[0], ["one"] * 6)  # pyright: ignore
+        assembly_modes(p.A[0], p.B[0], ["one"] * 6)
     with pytest.raises(ModelError, match="assembly_modes_batch"):
         assembly_modes(*p.legs)
 
@@ -207,7 +207,7 @@ def test_wrong_shapes_are_errors_with_a_sentence() -> None:
 def test_a_misspelt_keyword_raises() -> None:
     p = shapes()
     with pytest.raises(TypeError, match="progres"):
-        assembly_modes_batch(*p.legs, progres=print)  # pyright: ignore
+        assembly_modes_batch(*p.legs, progres=print)
 
 
 def test_without_a_start_system_nothing_is_claimed() -> None:

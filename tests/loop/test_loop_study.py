@@ -59,7 +59,7 @@ def test_law_tracks_better_than_the_reference_alone(
     log = Trajectory.from_csv(tmp_path / "loop_on.csv")
     assert len(log) == SECONDS / 0.004 and log["state"][-1] == 1
     drawn = s.figure("tracking").axes
-    assert drawn and any(len(line.get_xdata()) == s.cycles for axes in drawn for line in axes.get_lines())  # pyright: ignore[reportArgumentType]
+    assert drawn and any(len(line.get_xdata()) == s.cycles for axes in drawn for line in axes.get_lines())
 
 
 @pytest.mark.parametrize(

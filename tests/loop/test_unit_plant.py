@@ -114,7 +114,7 @@ def test_a_unit_without_an_answer_ends_the_run_and_keeps_it(run: Any, tmp_path: 
     assert "loop_on.csv" not in s.files and len(log) > 0
     drawn = s.figure("tracking")
     assert "stopped at" in drawn.get_suptitle()
-    assert any(len(line.get_xdata()) == rows for axes in drawn.axes for line in axes.get_lines())  # pyright: ignore[reportArgumentType]
+    assert any(len(line.get_xdata()) == rows for axes in drawn.axes for line in axes.get_lines())
     assert any(row.label == "the plant failed at" for row in s.rows)
     if lockstep:
         twin = run("egm", _twin(servo))

@@ -191,7 +191,7 @@ def test_lines_without_a_number_are_left_out(tmp_path: Path) -> None:
 def test_a_row_of_units_in_german(tmp_path: Path, units: str) -> None:
     path = written(tmp_path, "log.csv", ["t;a;b", units, *(f"{k};{k};{k}" for k in range(5))])
     (stream,) = open_log(path)
-    assert stream.heads.units[1] == ("rpm" if "min" in units else "rev") and stream.layout.first_row == 3  # pyright: ignore
+    assert stream.heads.units[1] == ("rpm" if "min" in units else "rev") and stream.layout.first_row == 3
 
 
 def test_stretches_of_a_recording_share_an_offset(tmp_path: Path) -> None:

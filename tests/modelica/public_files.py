@@ -201,7 +201,7 @@ def _remedied(item: Asked, seconds: float) -> str:
             return f"solved with parameters.{said}{mesh}: {solution.objective:.8g}"
         if solution.status is not gt.SolveStatus.CHECK_FAILED:
             break
-    return f"with parameters.{said} {solution.status.value}"  # pyright: ignore[reportPossiblyUnboundVariable]
+    return f"with parameters.{said} {solution.status.value}"
 
 
 def _in_child(item: Asked, seconds: float, to: Any) -> None:

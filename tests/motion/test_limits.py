@@ -56,7 +56,10 @@ def written(limit: str) -> str:
 
 
 class TestLimits:
-    @pytest.mark.parametrize("limit", MAGNITUDES)
+    # speed and jerk of the tool also bind along a path, below
+    @pytest.mark.parametrize(
+        "limit", [pytest.param(n, marks=[pytest.mark.proof] * (n in ("tcp_velocity", "tcp_jerk"))) for n in MAGNITUDES]
+    )
     def test_magnitudes(self, limit):
         value, of = MAGNITUDES[limit]
         o = outcome(**{f"limits__{limit}": value})

@@ -82,7 +82,7 @@ class TestBlocksOfEachInput:
         run = resimulate(s)
         assert run.defect < 1e-7 and run.cost_error == pytest.approx(0.0, abs=SOLVER)
 
-    @pytest.mark.parametrize("control", ["polynomial", "bernstein", "constant"])
+    @pytest.mark.parametrize("control", ["polynomial", pytest.param("bernstein", marks=pytest.mark.proof), "constant"])
     def test_blocks_are_constant_beside_any_control(self, control):
         mesh = Mesh(ELEMENTS, 3, control=control, blocks={"u": U, "v": list(V)})
         s = solve(ThreeInputs(), mesh)
@@ -224,7 +224,7 @@ class TestElementLengths:
     @pytest.mark.parametrize(
         "cost, limits",
         [
-            (LengthCost(uneven=1e-4), None),
+            pytest.param(LengthCost(uneven=1e-4), None, marks=pytest.mark.proof),
             pytest.param(LengthCost(uneven=1e-4, rates={"x": 0.3}, power=1.0), None, marks=pytest.mark.proof),
             (LengthCost(uneven=1e-4, rates={"x": 0.1}, power=0.5), (0.06, 0.115)),
         ],

@@ -40,12 +40,12 @@ int gt_qp_solve(const double *at, double *inputs, const double *data, const doub
     call.data = data;
     call.last_data = last;
     call.w = &work;
-    gt_copy(x, at, %(n)d);
-    gt_copy(u, inputs, %(nu)d);
+    gt_stage_qp_copy(x, at, %(n)d);
+    gt_stage_qp_copy(u, inputs, %(nu)d);
     status = gt_stage_qp_solve(&call, start, &out);
-    gt_copy(inputs, u, %(nu)d);
-    gt_copy(states, x, %(nx)d);
-    gt_copy(kept, sides, %(sides)d);
+    gt_stage_qp_copy(inputs, u, %(nu)d);
+    gt_stage_qp_copy(states, x, %(nx)d);
+    gt_stage_qp_copy(kept, sides, %(sides)d);
     found[0] = out.cost;
     found[1] = out.gap;
     found[2] = out.residual;
@@ -74,7 +74,7 @@ class Found:
 def write(qp: StageQP, folder: Path, real: Real = DOUBLE) -> Path:
     """Write the C files of the problem; the one to compile."""
     folder.mkdir(parents=True, exist_ok=True)
-    of = QPText(qp, "qp", qp.tolerance_in(real))
+    of = QPText(qp, "qp", real)
     source, declarations = body("qp", [], of.kernels())
     arrays, pointers = of.memory()
     n, m, count = qp.stage.states, qp.stage.inputs, qp.count

@@ -311,9 +311,9 @@ def test_the_filter_has_the_same_dynamics_wherever_the_slope_of_a_reading_is() -
         Link(), ControlHorizon(period=0.01, stages=5), tolerances={"angle": 0.1, "torque": 1.0}, targets={"angle": 0.0},
         measured={"height": Measurement(deviation=1e-3)}, disturbance={"torque": 1.0},
     )  # fmt: skip
-    correct = law.program.correct
-    x, d, y = (ca.SX.sym(name, *correct.size_in(k)) for k, name in enumerate("xdy"))
-    moved = ca.vertcat(*correct(x, d, y)[:2])
+    locate, correct = law.program.locate, law.program.correct
+    x, y, d = ca.SX.sym("x", 2), ca.SX.sym("y"), ca.SX.sym("d")
+    moved = ca.vertcat(*correct(x, d, *locate(x, y)[1:])[:2])
     slope = ca.Function("slope", [x, d, y], [ca.jacobian(moved, ca.vertcat(x, d))])
     at_rest, further = (slope([angle, 0.3], 0.0, np.sin(angle)).full() for angle in (0.0, 1.0))
     assert np.abs(at_rest - np.eye(3)).max() > 0.1

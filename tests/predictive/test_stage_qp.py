@@ -182,6 +182,25 @@ def test_without_limits_it_is_the_linear_quadratic_regulator() -> None:
     assert s.cost == pytest.approx(np.array([1.0, -0.5]) @ P @ [1.0, -0.5] / 2, rel=LQR)
 
 
+def test_estimation_over_a_moving_horizon_is_the_kalman_filter() -> None:
+    """The noise of the process is the input; the first stage moves the prior mean, at the price of its covariance."""
+    F, H, Q, R, P = np.array([[1, 0.1], [0, 1]]), np.array([[1.0, 0.0]]), np.diag([1e-6, 1e-2]), 1e-2, np.diag([1, 0.5])
+    w, (y, first), end = SX.sym("w", 2), ca.vertsplit(SX.sym("d", 2)), SX.sym("y")
+    prior, process = (ca.dot(w, SX(np.linalg.inv(S)) @ w) / 2 for S in (P, Q))
+    cost = first * prior + (1 - first) * (process + (y - X[0]) ** 2 / (2 * R))
+    after = X + (1 - first) * (SX(F - np.eye(2)) @ X) + w
+    readings, mean = np.random.default_rng(1).normal(size=9), np.array([0.3, -0.2])
+    stage = HorizonStage(X, w, ca.vertcat(y, first), after, cost)
+    qp = StageQP(stage, len(readings), HorizonStage(X, None, end, None, (end - X[0]) ** 2 / (2 * R)))
+    s = qp.solve(mean, [[0.0, 1.0], *[[value, 0.0] for value in readings[:-1]]], readings[-1:])
+    for k, value in enumerate(readings):
+        if k:
+            mean, P = F @ mean, F @ P @ F.T + Q
+        gain = P @ H.T / (H @ P @ H.T + R)
+        mean, P = mean + (gain * (value - H @ mean))[:, 0], P - gain @ H @ P
+    assert s.status == Status.OK and s.x[-1] == pytest.approx(mean, abs=LQR)
+
+
 def test_a_price_above_the_multiplier_keeps_the_limit_and_one_below_does_not() -> None:
     """Nesterov: a linear price is exact if it is larger than the multiplier of the exact limit."""
     exact = cart(LimitedRow(X[1], -0.3, None)).solve([1.0, 0.0])

@@ -21,8 +21,9 @@ from tests.predictive.test_stage_qp import best
 SX = ca.SX
 COST = {"double": 1e-7, "float": 1e-3}  # relative to 1 + |cost|
 KKT = {"double": 1e-6, "float": 2e-2}  # of the conditions of optimality, each relative to its typical size
-# share of the problems with a solution that end without one, with a status; in float, pivots are lost in weights of 1e7
-UNSOLVED = {"double": 0.0, "float": 2e-2}
+# share of the problems with a solution that end with a status instead: in float a row of several inputs with a weight
+# of 1e7 hides the cost of the others
+UNSOLVED = {"double": 0.0, "float": 5e-3}
 FEASIBLE = {"double": 1e-6, "float": 1e-3}  # of the inputs, relative to 1 + the size of the limit
 MAX_ITERATIONS = 40
 SOFT = (30.0, 2.0)

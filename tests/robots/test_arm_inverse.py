@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import product
 from pathlib import Path
 
@@ -54,6 +55,11 @@ def chain(axes: np.ndarray, shifts: np.ndarray, start: list[float] | None = None
     return m
 
 
+@cache
+def from_home() -> gt.CausalFunction:
+    return gt.robots.serial_arm(**UR, start=HOME).causal(["T", "R"], "q")
+
+
 @pytest.fixture(scope="module")
 def urdf() -> gt.Model:
     return gt.robots.from_urdf(ARM, start=HOME)
@@ -65,10 +71,10 @@ def oracle(urdf: gt.Model) -> Pinocchio:
 
 
 def test_position_and_rotation_of_a_urdf_arm_give_joints_rates_and_torques_of_pinocchio(urdf, oracle) -> None:
-    inverse = urdf.causal(["T", "R"], ["q", "der(q)", "der(q,2)", "tau"])
+    bare = urdf.with_(viscous=np.zeros(6), coulomb=np.zeros(6))
+    inverse = bare.causal(["T", "R"], ["q", "der(q)", "der(q,2)", "tau"])
     assert [s.name for s in inverse.inputs] == ["T", "der(T)", "der(T,2)", "R", "der(R)", "der(R,2)"]
     rng, h = np.random.default_rng(3), 1e-3
-    bare = urdf.with_(viscous=np.zeros(6), coulomb=np.zeros(6)).causal(["T", "R"], "tau")
     for _ in range(5):
         q, v, a = HOME + rng.uniform(-0.2, 0.2, 6), rng.standard_normal(6), rng.standard_normal(6)
         # derivatives of the pose by differences of sixth order: pinocchio computes poses only
@@ -77,12 +83,11 @@ def test_position_and_rotation_of_a_urdf_arm_give_joints_rates_and_torques_of_pi
         first = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60 / h
         second = np.array([2, -27, 270, -490, 270, -27, 2]) / 180 / h**2
         values = [x for y in (T, R) for x in (y[3], np.tensordot(first, y, 1), np.tensordot(second, y, 1))]
-        found, rate, acceleration, _, status = inverse(*values)
+        found, rate, acceleration, tau, status = inverse(*values)
         assert status is gt.Status.OK
         np.testing.assert_allclose(found, q, atol=ROUND_OFF)
         np.testing.assert_allclose(rate, v, atol=1e-9)  # round-off 1e-16 / h, amplified by the inverse Jacobian
         np.testing.assert_allclose(acceleration, a, atol=1e-6)  # 1e-16 / h^2
-        tau, status = bare(*values)
         np.testing.assert_allclose(tau, oracle.efforts(q, v, a), atol=1e-4)
 
 
@@ -162,9 +167,8 @@ def test_fewer_joints_than_the_pose_has_numbers_leave_conditions() -> None:
 @pytest.mark.parametrize("general", [False, pytest.param(True, marks=pytest.mark.proof)])
 def test_a_matrix_that_is_no_rotation_is_out_of_range(general: bool) -> None:
     dh = {**UR, "alpha": [1.2, 0.3, 0.2, 1.4, -1.0, 0.0]} if general else UR
-    arm = gt.robots.serial_arm(**dh, start=HOME)
-    T, R, _ = arm.causal("q", ["T", "R"])(HOME)
-    inverse = arm.causal(["T", "R"], "q")
+    T, R = pose_by_dh(**dh, q=HOME)
+    inverse = gt.robots.serial_arm(**dh, start=HOME).causal(["T", "R"], "q") if general else from_home()
     assert bool(inverse.kernels) is general
     assert inverse(T, R)[1] is gt.Status.OK
     for wrong in (np.diag([1.0, 1.0, 1.001]), np.diag([1.0, 1.0, -1.0]), np.diag([-1.0, -1.0, -1.0])):
@@ -197,10 +201,11 @@ def test_joints_stay_within_their_limits() -> None:
 
 
 def test_starts_of_an_arm_select_its_branches_and_wrong_ones_are_refused() -> None:
-    for start in (HOME, np.array([0.3, -1.0, 1.2, -0.5, 0.8, 0.0])):
-        arm = gt.robots.serial_arm(**UR, start=start)
+    other = np.array([0.3, -1.0, 1.2, -0.5, 0.8, 0.0])
+    from_other = gt.robots.serial_arm(**UR, start=other).causal(["T", "R"], "q")
+    for start, inverse in ((HOME, from_home()), (other, from_other)):
         T, R = pose_by_dh(**UR, q=start + 0.05)
-        q, status = arm.causal(["T", "R"], "q")(T, R)
+        q, status = inverse(T, R)
         assert status is gt.Status.OK
         np.testing.assert_allclose(q, start + 0.05, atol=ROUND_OFF)
     for wrong in ([0.0] * 5, [[0.0] * 6, [0.0] * 5 + [np.nan]]):
@@ -263,14 +268,15 @@ def test_a_known_joint_at_an_end_leaves_the_closed_form_of_the_others(given, joi
     draw = np.random.default_rng(7)
     sliding = np.array([kind == "p" for kind in given["joints"]])
     q = np.where(sliding, draw.uniform(0.1, 0.8, (50, len(sliding))), draw.uniform(-3.0, 3.0, (50, len(sliding))))
-    T, R, _ = arm.causal("q", ["T", "R"])(q)
+    forward = arm.causal("q", ["T", "R"])
+    T, R, _ = forward(q)
     nearest = np.full(len(q), np.inf)
     for signs in product((-1, 1), repeat=len(branches)):
         inverse = arm.causal(["T", "R", f"q[{joint}]"], "q", branches=dict(zip(branches, signs, strict=True)))
         assert not inverse.kernels
         found, status = inverse(T, R, q[:, joint])
         good = np.asarray(status) == gt.Status.OK
-        again = arm.causal("q", ["T", "R"])(found[good])
+        again = forward(found[good])
         np.testing.assert_allclose(again[0], T[good], atol=ROUND_OFF)
         np.testing.assert_allclose(again[1], R[good], atol=ROUND_OFF)
         off = np.where(sliding, np.abs(found - q), np.abs((found - q + np.pi) % (2 * np.pi) - np.pi)).max(axis=1)

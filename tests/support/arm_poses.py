@@ -33,6 +33,7 @@ def nominal() -> gt.robots.SerialArm:
     return arm
 
 
+ROTATION = scipy.spatial.transform.Rotation
 UR_SEED = 44
 UR_TOOL = [0.08, 0.02, 0.14]  # m, of the reflector in the frame of the last link
 RANGES = [[-100, 100], [-50, 60], [-60, 45], [-150, 150], [-100, 100], [-170, 170]]  # degrees
@@ -68,10 +69,25 @@ def poses(
     rng = np.random.default_rng([seed, 2])
     low, high = np.radians(ranges).T
     q = np.round(rng.uniform(low, high, (POSES, 6)), 6)
-    T, status = true_arm(arm, seed).causal(known="q", targets="T")(q)
-    assert not np.any(status)
-    R = scipy.spatial.transform.Rotation.from_euler("xyz", DEVICE_RPY)
+    T, _ = forward(true_arm(arm, seed), q)
+    R = ROTATION.from_euler("xyz", DEVICE_RPY)
     return q, R.inv().apply(T - DEVICE_T) + NOISE * rng.standard_normal(T.shape)
+
+
+def forward(arm: gt.robots.SerialArm, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (n, 3) [m] and orientations (n, 3, 3) of the tool at joints (n, m) [rad, m], by standard
+    Denavit-Hartenberg numbers: without the compiler, which needs a second for every other arm."""
+    assert arm.structure.style == "standard"
+    R = ROTATION.from_euler("xyz", np.tile(np.asarray(arm.base_rpy, float), (len(q), 1)))
+    T = np.tile(np.asarray(arm.base_xyz, float), (len(q), 1))
+    numbers = np.array([np.asarray(getattr(arm, name), float) for name in ("theta", "d", "a", "alpha", "beta")]).T
+    for joint, (theta, d, a, alpha, beta), x in zip(arm.structure.joints, numbers, q.T, strict=True):
+        slides = joint.kind == "prismatic"
+        turn, along = (np.full(len(q), theta), d + x) if slides else (theta + x, np.full(len(q), d))
+        T = T + R.apply(np.column_stack([a * np.cos(turn), a * np.sin(turn), along]))
+        R = R * ROTATION.from_euler("ZXY", np.column_stack([turn, np.tile([alpha, beta], (len(q), 1))]))
+    tool = ROTATION.from_euler("xyz", np.array(arm.tool_rpy, float))
+    return T + R.apply(np.array(arm.tool_xyz, float)), (R * tool).as_matrix()
 
 
 def text(arm: gt.robots.SerialArm | None = None, seed: int = SEED, ranges: list[list[int]] = RANGES) -> str:

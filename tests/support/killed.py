@@ -1,7 +1,8 @@
 """A write of gtmodel that the system kills at its n-th touch of the disk, or whose files may not grow beyond a size.
 
-Run as a program: `python -m tests.support.killed FOLDER JOB`. The process forks for every case, so that what takes
-long, importing and computing, is done once. FOLDER holds the files of tests.support.own_models.
+Run as a program: `python -m tests.support.killed FOLDER JOB [EVERY]`; with EVERY = 3, at each third n only. The process
+forks for every case, so that what takes long, importing and computing, is done once. FOLDER holds the files of
+tests.support.own_models.
 """
 
 from __future__ import annotations
@@ -111,7 +112,7 @@ def contents(folder: Path) -> dict[str, str]:
     return {p.name: p.read_text(encoding="utf-8", errors="replace") for p in found if p.is_file()}
 
 
-def main(place: Path, job: str) -> None:
+def main(place: Path, job: str, every: int = 1) -> None:
     """Print one JSON object per case: what was there before, after the broken write, and after the next one."""
     os.chdir(place)
     make = {"solve": solve, "codegen": codegen}[job]
@@ -122,7 +123,7 @@ def main(place: Path, job: str) -> None:
     for scenario in ("kill", "kill new", "kill edited", "full", "full new"):
         # in a folder that is not new, every second touch, and the two scenarios take turns
         first, step = {"kill": (1, 2), "kill edited": (2, 2)}.get(scenario, (1, 1))
-        for case in range(first, _LARGEST, step) if "kill" in scenario else _SIZES:
+        for case in range(first, _LARGEST, step * every) if "kill" in scenario else _SIZES:
             ended = one(place / "out", jobs, scenario, case)
             print(json.dumps({"scenario": scenario, "case": case, **ended}))
             if ended["ended"].startswith("done"):
@@ -149,4 +150,4 @@ def one(out: Path, jobs: dict[str, Callable[[Path], None]], scenario: str, case:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]).resolve(), sys.argv[2])
+    main(Path(sys.argv[1]).resolve(), sys.argv[2], *map(int, sys.argv[3:]))

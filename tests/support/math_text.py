@@ -20,10 +20,10 @@ def keep_parsed() -> None:
 
     @lru_cache(KEPT)
     def parsed(kind: str, *key: Any) -> Any:
-        return parse.__wrapped__(parsers[kind], *key)  # pyright: ignore[reportOptionalMemberAccess]
+        return parse.__wrapped__(parsers[kind], *key)
 
     def cached(self: Any, *key: Any) -> Any:
         parsers.setdefault(self._output_type, self)
         return parsed(self._output_type, *key)
 
-    MathTextParser._parse_cached = cached  # pyright: ignore[reportAttributeAccessIssue]
+    MathTextParser._parse_cached = cached

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -20,6 +21,7 @@ from tests.support.commands import Commands
 from tests.view.test_view import LARGEST, SAME, decoded, l1
 
 NODE = shutil.which("node")
+DIGITS = 6e-3  # of a number with three digits
 ROUNDED = 1e-9  # of sums of a dozen products of numbers that are not rounded in the scene
 
 
@@ -90,7 +92,7 @@ def test_the_workspace_is_marked_by_reason() -> None:
 def test_a_mode_moves_as_its_name_says() -> None:
     """The slowest mode moves the plate mostly along its softest direction, which follows from the springs alone."""
     study = compliance()
-    assert [*study.scenes] == ["mode_1", "mode_2", "mode_3"]
+    assert [*study.scenes] == ["mode_1", "mode_2", "mode_3", "section_softest", "section_frequency"]
     scene = study.view("mode_1")
     rest, most = scene.at("tool centre point", 0.0), scene.at("tool centre point", 0.5)
     direction = (most - rest) / np.linalg.norm(most - rest)
@@ -109,7 +111,7 @@ def test_what_a_mode_shows_vibrates_at_its_frequency() -> None:
     """Rayleigh's quotient of the drawn motion, from the springs and masses declared: rods, drives, carts on rails."""
     study, robot = compliance(), heavy()
     rods, rail = np.array([1, 2, 3]), np.asarray(robot.v)[0]  # parallel rods of each link; all guideways are parallel
-    for k, name in enumerate(study.scenes):
+    for k, name in enumerate(n for n in study.scenes if n.startswith("mode")):
         scene = study.view(name)
         plate, carts = (
             np.array([[scene.at(f"{end} joint {n}", t) for n in (1, 2, 3)] for t in (0.0, 0.5)])
@@ -124,6 +126,61 @@ def test_what_a_mode_shows_vibrates_at_its_frequency() -> None:
             robot.m_p * u[0] @ u[0] + robot.m_c @ np.sum(c**2, axis=1) + robot.m_a @ np.sum((u + c) ** 2, axis=1) / 4
         )
         assert np.isclose(np.sqrt(stiffness / masses) / (2 * np.pi), study.frequencies[k], rtol=ROUNDED), name
+
+
+def test_the_section_is_marked_by_stiffness() -> None:
+    """One pose at a time, with the springs of the map, lies in the range of its mark and along its line."""
+    scene, k = compliance().view("section_softest"), 2
+    marks = [body for body in scene.bodies if "N/µm" in body.name]
+    (softest,) = [body for body in scene.bodies if body.name == "softest direction"]
+    starts, ends = softest.vertices.reshape(2, -1, 3)
+    assert sum(len(body.vertices) for body in marks) == len(starts) > 10
+    springs = gt.compliance.Springs(links=gt.compliance.RodSprings(stiffness=2e7),
+                                    carts=gt.compliance.CartSprings(drive=1e7))  # fmt: skip
+    for body in (marks[0], marks[-1]):
+        T = body.vertices[k]
+        alone = gt.compliance.study(heavy(), springs, pose=T.tolist(), map=gt.compliance.ComplianceMap(step=1.0))
+        low, high = (float(x) for x in re.findall(r"([\d.]+) to ([\d.]+) N/µm", body.name)[0])
+        assert low * (1 - DIGITS) <= 1e-6 * alone.stiffness[0] <= high * (1 + DIGITS)
+        (n,) = np.flatnonzero(np.linalg.norm((starts + ends) / 2 - T, axis=1) < SAME)
+        way = (ends[n] - starts[n]) / np.linalg.norm(ends[n] - starts[n])
+        assert abs(way @ alone.directions[0]) > 1 - SAME
+
+
+def test_possible_errors_are_boxes_about_the_section() -> None:
+    """Each corner of a box changes each link by its largest error, up or down, and lies on the outside."""
+    robot, largest = gt.robots.gantry_tau("d1_nominal"), np.array([2e-5, 5e-5, 3e-5])
+    A = gt.kinematics.accuracy
+    case = A.LinkErrors("links", length=largest.tolist())
+    study = gt.kinematics.accuracy_study(robot, [case], section=A.ErrorSection(step=0.2))
+    scene = study.view("error_1")
+    factor = float(re.findall(r"enlarged (\d+) times", scene.note)[0])
+    boxes = [body for body in scene.bodies if body.opacity < 1]
+    assert len(boxes) == 49 and all(body.closed for body in boxes)
+    inverse, worst = robot.causal(known="T", targets="q"), []
+    for body in boxes:
+        T = body.vertices.mean(axis=0)
+        u = T - (np.asarray(robot.A) + inverse(T)[0][:, None] * np.asarray(robot.v))
+        u /= np.linalg.norm(u, axis=1)[:, None]
+        errors = (body.vertices - T) / factor
+        assert np.allclose(np.abs(errors @ u.T), largest, rtol=ROUNDED)
+        a, b, c = np.moveaxis((body.vertices - T)[body.faces], 1, 0)
+        assert np.all(np.einsum("fi,fi->f", a, np.cross(b, c)) > 0)
+        worst.append(np.linalg.norm(errors, axis=1).max())
+    ranges = re.findall(r"([\d.]+) to ([\d.]+) µm", " ".join(body.name for body in scene.bodies))
+    assert np.isclose(1e6 * min(worst), float(ranges[0][0]), rtol=DIGITS)
+    assert np.isclose(1e6 * max(worst), float(ranges[-1][1]), rtol=DIGITS)
+
+
+def test_the_best_cameras_stand_where_the_table_says() -> None:
+    V = gt.vision.robot_cameras
+    scene, places = V.SyntheticRobotCameras(counts=[3, 3, 3]), V.CameraPlaces(baselines=[0.5, 1.5], distances=[3.2])
+    study = V.places_study(gt.robots.gantry_tau("l1_tape"), scene, places)
+    assert study.places is not None
+    drawn = study.view()
+    bodies = {body.name: body.vertices[0] for body in drawn.bodies}
+    assert np.isclose(np.linalg.norm(bodies["left"] - bodies["right"]), study.places[0]["baseline_m"], atol=SAME)
+    assert "baseline 1.5 m, distance 3.2 m" in drawn.title and any(body.opacity < 1 for body in drawn.bodies)
 
 
 def test_postures_reach_the_same_pose() -> None:
@@ -152,6 +209,7 @@ def test_a_folder_of_a_closed_loop_moves_as_it_was_simulated(
     monkeypatch.chdir(tmp_path)
     gtmodel = Commands(capsys)
     assert gtmodel("solve", "loop_simulation", "--out", "loop").code == 0
+    assert not Path("loop/loop.scene.json").exists()  # nobody asked for it: the page is made when it is
     assert gtmodel("view", "loop").code == 0
     _, points = decoded(Path("loop.html").read_text())
     table = np.loadtxt("loop/trajectory.csv", delimiter=",", comments=("#", "time"))
@@ -177,10 +235,12 @@ def test_result_folders_are_shown(capsys: pytest.CaptureFixture[str], tmp_path: 
                                   monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
     gtmodel = Commands(capsys)
-    compliance().write("modes")
-    assert sorted(p.name for p in Path("modes").glob("*.scene.json")) == [f"mode_{k}.scene.json" for k in (1, 2, 3)]
+    compliance().write("modes", plot=True)
+    assert {p.name for p in Path("modes").glob("*.scene.json")} == {
+        f"{name}.scene.json" for name in compliance().scenes
+    }
     done = gtmodel("view", "modes", "-o", "first.html")
-    assert done.code == 0 and "gtmodel view modes/mode_2.scene.json" in done.err
+    assert done.code == 0 and "gtmodel view modes/mode_2\n" in done.err
     assert gtmodel("view", "modes/mode_2.scene.json", "-o", "second.html").code == 0
     titles = [decoded(Path(f"{name}.html").read_text())[0]["title"] for name in ("first", "second")]
     assert "mode 1" in titles[0] and "mode 2" in titles[1]
@@ -198,6 +258,24 @@ def test_result_folders_are_shown(capsys: pytest.CaptureFixture[str], tmp_path: 
     assert motion is not None and np.allclose(points[[*points][tool]][-1], motion["robot.T"][-1], atol=SAME)
 
 
+def test_a_scene_that_was_not_kept_is_made_again(capsys: pytest.CaptureFixture[str], tmp_path: Path,
+                                                  monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    gtmodel = Commands(capsys)
+    coarse = ("--set", "section.step_m=0.5")
+    for folder, option in (("bare", ()), ("kept", ("--plot",))):
+        assert gtmodel("solve", "compliance_l1", *coarse, "--out", folder, *option).code == 0
+        for name in ("mode_2", "mode_2.scene.json"):
+            assert gtmodel("view", f"{folder}/{name}", "-o", f"{folder}.{name}.html").code == 0
+    assert not list(Path("bare").glob("*.scene.json")) and Path("kept/mode_2.scene.json").exists()
+    assert len({p.read_bytes() for p in Path().glob("*.html")}) == 1
+    assert gtmodel("view", "bare/mode_9").code == 2
+    stored = json.loads(Path("bare/result.json").read_text())
+    stored["values"]["stiffness_N_m"][0] *= 1.001  # as if a file that it read had been another one
+    Path("bare/result.json").write_text(json.dumps(stored))
+    assert "--plot" in gtmodel("view", "bare").err
+
+
 def test_what_must_not_be_used_says_so_in_space_too(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -208,7 +286,7 @@ def test_what_must_not_be_used_says_so_in_space_too(
         study = gt.results.Study(status=status, scenes={"bar": lambda: bar})
         note = study.view().note
         assert note.endswith("A bar.") and status.ok == (note == "A bar.") and (status.ok or status.message in note)
-        study.write(status.value)
+        study.write(status.value, plot=True)
         stored = json.loads(Path(status.value, "bar.scene.json").read_text())
         assert stored["note"] == note
     assert gtmodel("solve", "l1_drop", "--set", "final_time_s=0.2", "--set", "tolerance=1e-3", "--out", "drop").code < 2
@@ -223,7 +301,7 @@ def test_a_scene_that_cannot_be_drawn_loses_no_result(tmp_path: Path) -> None:
         raise RuntimeError("not today")
 
     study = gt.results.Study(status=gt.SolveStatus.SOLVED, scenes={"broken": broken, "motion": broken})
-    study.write(tmp_path / "out")
+    study.write(tmp_path / "out", plot=True)
     assert json.loads((tmp_path / "out" / "broken.scene.json").read_text()) == {"fault": "RuntimeError: not today"}
     assert not (tmp_path / "out" / "motion.scene.json").exists()
 

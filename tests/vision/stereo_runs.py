@@ -53,7 +53,7 @@ def spoilt(k: int, fault: str) -> tuple[CornerTable, str]:
 
 
 def study(table: CornerTable, gross_errors: str = "named") -> StereoStudy:
-    return gt.vision.stereo_study(table, BOARD, CameraFit(gross_errors=gross_errors))  # pyright: ignore
+    return gt.vision.stereo_study(table, BOARD, CameraFit(gross_errors=gross_errors))
 
 
 def alarmed(s: StereoStudy) -> bool:

@@ -42,10 +42,11 @@ def judged(target, seeds) -> tuple[float, int, int, float]:
     return np.sqrt(np.concatenate(squares).mean()), detected, wrong, np.sqrt(np.concatenate(over).mean())
 
 
+@pytest.mark.parametrize("pictures", [3, pytest.param(6, marks=pytest.mark.proof)])
 @each_target
-def test_marks_are_where_they_were_rendered(target):
-    rms, detected, wrong, over = judged(target, range(6))
-    assert detected == 6
+def test_marks_are_where_they_were_rendered(target, pictures):
+    rms, detected, wrong, over = judged(target, range(pictures))
+    assert detected == pictures
     assert wrong == 0
     assert rms <= ACCURATE
     assert 0.2 < over < 1.5  # the stated sigma is no smaller than the errors by more than half

@@ -265,8 +265,8 @@ def _unknowns(findings: CalibrationFindings) -> list[dict[str, Any]]:
     c, u, estimate = findings.calibration, findings.problem.unknowns, findings.confidence.estimate
     entries = []
     for k, name in enumerate(u.names):
-        entry = {"name": name, "unit": u.units[k] or "1", "start": float(u.start[k]), "value": float(c.x[k]),
-                 "std": None, "interval_95": None}  # fmt: skip
+        entry: dict[str, Any] = {"name": name, "unit": u.units[k] or "1", "start": float(u.start[k])}
+        entry |= {"value": float(c.x[k]), "std": None, "interval_95": None}
         if estimate is not None and np.isfinite(estimate.std[k]):
             entry["std"] = float(estimate.std[k])
             if findings.confidence.holds:

@@ -10,7 +10,7 @@ not needed at all.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -118,14 +118,18 @@ class BodyAxes:
 
 def in_body_axes(
     flat: FlatModel, alias: AliasResult, structure: EquationStructure, derivatives: list[list[ca.SX]],
-    solved: Mapping[Node, Pair], rates: Collection[Node], sampler: Sampler, samples: np.ndarray,
+    solved: Mapping[Node, Pair], needed: Iterable[Node], rates: Collection[Node], sampler: Sampler, samples: np.ndarray,
 ) -> BodyAxes | None:  # fmt: skip
-    """Return the equations of all nodes in the axes of bodies; None if the model is no tree of moving bodies.
+    """Return the equations of all nodes in the axes of bodies; None if the model is no tree of moving bodies, or if the
+    targets need no force.
 
-    solved: nodes with the symbols that they are solved for; all other symbols keep their meaning. rates: nodes with
-    the rates of rotation matrices by angular velocities.
+    solved: nodes with the symbols that they are solved for; all other symbols keep their meaning. needed: those of them
+    that the targets need. rates: nodes with the rates of rotation matrices by angular velocities.
     """
     if flat.loops.closings or not flat.rotations:
+        return None
+    flows = {alias.resolve(i, 0)[1] for i, v in enumerate(flat.variables) if v.role == "flow"}
+    if flows.isdisjoint(solved[n][0] for n in needed):
         return None
     bodies = BodyTree(flat, alias)
     if not bodies:
@@ -177,8 +181,9 @@ def in_body_axes(
             crossing |= {v for v in reading.vectors_in(pairs) if axes.get(v, place.body) != place.body}
         else:
             along += group
-    for i, m in set(rates).intersection(inside):
-        residuals[i, m] = reading.in_world(derivatives[i][m], inside[i, m])
+    turning = sorted(set(rates).intersection(inside))
+    symbols = sorted({p for node in turning for p in inside[node]})
+    residuals |= zip(turning, reading.in_world([derivatives[i][m] for i, m in turning], symbols), strict=True)
     vectors = list(axes)
     number = {v: n for n, v in enumerate(vectors)}
     deepest = max(bodies.rank(b)[0] for b in axes.values())
@@ -383,14 +388,12 @@ class _Reading:
         turn = ca.skew(self._vector((w, 0), body))
         return turn @ arm if order == 1 else (ca.skew(self._vector((w, 1), body)) + turn @ turn) @ arm
 
-    def in_world(self, residual: ca.SX, pairs: Sequence[Pair]) -> ca.SX:
-        """Return a residual in the axes of the world, for symbols with their other meaning."""
+    def in_world(self, residuals: list[ca.SX], pairs: Sequence[Pair]) -> list[ca.SX]:
+        """Return residuals of these symbols in the axes of the world, for symbols with their other meaning."""
         turned = [self.back(v) for v in self.vectors_in(pairs) if v in self._axes]
-        old = [self._flat.scope.symbol(*p) for t in turned for p in t.pairs]
-        new = [
-            v for t in turned for v in ca.vertsplit(t.R @ ca.vertcat(*[self._flat.scope.symbol(*p) for p in t.pairs]))
-        ]
-        return ca.substitute([residual], [stacked(old)], [stacked(new)])[0] if turned else residual
+        old = [ca.vertcat(*[self._flat.scope.symbol(*p) for p in t.pairs]) for t in turned]
+        new = [t.R @ v for t, v in zip(turned, old, strict=True)]
+        return ca.substitute(residuals, [ca.vertcat(*old)], [ca.vertcat(*new)]) if turned and residuals else residuals
 
     def back(self, vector: Timed) -> Turned:
         triple, order = vector

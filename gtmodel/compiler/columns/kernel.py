@@ -69,7 +69,7 @@ def _bound(
     if step.op == ca.OP_INV:
         return partial(np.divide, _ONE, operands[0], target)
     if step.op == ca.OP_IF_ELSE_ZERO:
-        return partial(_if_else_zero, *operands, target)
+        return partial(_if_else_zero, *operands, target)  # pyrefly: ignore[bad-argument-count]
     return partial(_UFUNC[step.op], *operands, target)
 
 
@@ -89,8 +89,8 @@ def _called(op: int, given: Sequence[Any], target: Any) -> Callable[[], Any]:
     buffer: Any
     buffer, run = _elementwise(op, len(given), len(target)).buffer()
     for k, column in enumerate(given):
-        buffer.set_arg(k, memoryview(column))
-    buffer.set_res(0, memoryview(target))
+        buffer.set_arg(k, memoryview(column))  # pyrefly: ignore[missing-argument]
+    buffer.set_res(0, memoryview(target))  # pyrefly: ignore[missing-argument]
     return partial(_run, run, buffer, given)
 
 

@@ -94,7 +94,7 @@ def program_of(f: ca.Function) -> ColumnProgram | None:
         elif value < 0 and value not in settled:
             settled[value] = place  # computed directly in the output
         else:
-            ends.append(Step(ca.OP_ASSIGN, (settled.get(value, value),), place))
+            ends.append(Step(ca.OP_ASSIGN, (settled.get(value, value),), place))  # pyrefly: ignore[bad-argument-type]
     placed, places = _placed(steps, settled, first)
     return ColumnProgram(inputs, outputs, places, (*placed, *ends), tuple(constants))
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from itertools import pairwise, product
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy
@@ -202,11 +203,21 @@ def gain_limit(loop: DelayedLoop) -> GainLimit:
     return GainLimit(float(end), frequency, tuple(ranges[1:]))
 
 
-def stability_ranges(loop: DelayedLoop) -> tuple[np.ndarray, list[tuple[float, float]]]:
+Ranges = tuple[np.ndarray, list[tuple[float, float]]]
+_KNOWN: WeakKeyDictionary[DelayedLoop, Ranges] = WeakKeyDictionary()  # of loops that are asked for limit and margins
+
+
+def stability_ranges(loop: DelayedLoop) -> Ranges:
     """Return the crossings (n, 3) of `gain_crossings`, and the stable ranges of gains above 0, in increasing order.
 
     Raises ArgumentError if plant or law have an uncontrollable or unobservable motion that does not decay.
     """
+    if loop not in _KNOWN:
+        _KNOWN[loop] = _stability_ranges(loop)
+    return _KNOWN[loop]
+
+
+def _stability_ranges(loop: DelayedLoop) -> Ranges:
     _check_that_motions_are_seen(loop)
     crossings = gain_crossings(loop)
     edges = np.concatenate([[0.0], crossings[:, 0], [np.inf]])

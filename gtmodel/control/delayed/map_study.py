@@ -115,11 +115,19 @@ def limits_over(
     >>> limits.shape
     (2, 100)
     """
+    return _limits_over(field, joints, direction, [margins], cycle=cycle, delay=delay, draws=draws, seed=seed)[0]
+
+
+def _limits_over(
+    field: GainField, joints: ArrayLike, direction: str, margins: Sequence[GainMargins | None], *,
+    cycle: float, delay: float, draws: int, seed: int = 0,
+) -> list[np.ndarray]:  # fmt: skip
+    """The limits for each of these margins, from the same loops."""
     mean, std = field.at(joints, direction)
     normal = np.random.default_rng(seed).standard_normal((3, 1, draws))
     log_m, log_c, log_k = mean[..., None] + std[..., None] * normal
     log_w, log_zeta = (log_k - log_m) / 2, log_c - np.log(2) - (log_k + log_m) / 2
-    return np.exp(log_m + _log_limit_of_one(log_w, log_zeta, cycle, delay, margins))
+    return [np.exp(log_m + limit) for limit in _log_limits_of_one(log_w, log_zeta, cycle, delay, margins)]
 
 
 def recommended_over(limits: np.ndarray, step: float) -> np.ndarray:
@@ -131,31 +139,30 @@ def recommended_over(limits: np.ndarray, step: float) -> np.ndarray:
     return np.array([recommended_gain(float(row.min()), step) for row in np.atleast_2d(limits)])
 
 
-def _log_limit_of_one(
-    log_w: np.ndarray, log_zeta: np.ndarray, cycle: float, delay: float, margins: GainMargins | None
-) -> np.ndarray:
-    """Logarithm of the limit for a unit mass."""
+def _log_limits_of_one(
+    log_w: np.ndarray, log_zeta: np.ndarray, cycle: float, delay: float, margins: Sequence[GainMargins | None]
+) -> list[np.ndarray]:
+    """Logarithm of the limit for a unit mass, for each of these margins."""
 
-    def exact(w: float, zeta: float) -> float:
-        plant = equivalent_plant(1.0, 2 * zeta * w, w**2, cycle)
-        loop = DelayedLoop(plant, cycle, delay)
-        return float(np.log(gain_limit(loop).gain if margins is None else margin_limit(loop, margins)))
+    def exact(w: float, zeta: float) -> list[float]:
+        loop = DelayedLoop(equivalent_plant(1.0, 2 * zeta * w, w**2, cycle), cycle, delay)
+        return [float(np.log(gain_limit(loop).gain if m is None else margin_limit(loop, m))) for m in margins]
 
     if log_w.size <= FEW:
         pairs = zip(np.exp(log_w).ravel().tolist(), np.exp(log_zeta).ravel().tolist(), strict=True)
-        return np.array([exact(w, z) for w, z in pairs]).reshape(log_w.shape)
+        return [column.reshape(log_w.shape) for column in np.array([exact(w, z) for w, z in pairs]).T]
     axes = []
     for values, step in ((log_w, TABLE_STEP), (log_zeta, 5 * TABLE_STEP)):
         low, high = float(values.min()) - TABLE_EDGE, float(values.max()) + TABLE_EDGE
         axes.append(np.linspace(low, high, max(4, 2 + int((high - low) / step))))
     dampings = np.exp(axes[1]).tolist()
 
-    def row(w: float) -> list[float]:
+    def row(w: float) -> list[list[float]]:
         return [exact(w, z) for z in dampings]
 
     table = np.array(list(mapped(row, np.exp(axes[0]).tolist())))
-    interpolate = scipy.interpolate.RegularGridInterpolator(axes, table, method="linear")
-    return interpolate(np.stack([log_w, log_zeta], axis=-1))
+    at = np.stack([log_w, log_zeta], axis=-1)
+    return [scipy.interpolate.RegularGridInterpolator(axes, t, method="linear")(at) for t in np.moveaxis(table, -1, 0)]
 
 
 TIMING, MAP, MARGINS = FeedbackTiming(), GainMap(), GainMargins()
@@ -340,10 +347,9 @@ def feedback_map(
     work.keep(so_far)
     for d in directions if len(table) else ():  # few poses, so done before the map
         work.step(f"limits along {d}")
-        drawn = limits_over(field, table, d, **times)
+        drawn, limits = _limits_over(field, table, d, [None, margins], **times)
         median[d] = np.median(drawn, axis=1).tolist()
         quantile[d] = np.quantile(drawn, options.quantile, axis=1).tolist()
-        limits = limits_over(field, table, d, **times, margins=margins)
         recommended[d] = recommended_over(limits, gain_steps[d]).tolist()
     true |= _true(field, truth, table, timing) if truth is not None else {}
     for d in directions:

@@ -50,8 +50,8 @@ def servo_plant(
     if e.shape != (3,) or not abs(np.linalg.norm(e) - 1) < UNIT:
         raise ArgumentError(f"expected three numbers of unit length; found {e.tolist()}", "direction")
     linear, jacobians = at_rest(robot, law, [known, f"der({known})", tool], start, targets)
-    a, b, c = (np.asarray(m, float) for m in (linear.A, linear.B, linear.C))
-    n = linear.ninputs
+    a, b, c, _ = linear.matrices
+    n = len(linear.inputs)
     closed = a + b @ (jacobians["position"] @ c[:n] + jacobians["velocity"] @ c[n : 2 * n])
     entry, place = b @ jacobians["reference"], c[2 * n :]
     poles = np.linalg.eigvals(closed)

@@ -233,9 +233,17 @@ def _both(
     loop_of: Callable[[Mapping[str, float]], DelayedLoop], sides: Mapping[str, tuple[float, float]], box: FeedbackBox,
     margins: GainMargins,
 ) -> tuple[WorstCase, WorstCase]:  # fmt: skip
-    worst = worst_case(loop_of, sides, draws=box.draws, seed=box.seed)
+    loops = dict[tuple[float, ...], DelayedLoop]()  # both searches begin at the same points
+
+    def kept(p: Mapping[str, float]) -> DelayedLoop:
+        place = tuple(p.values())
+        if place not in loops:
+            loops[place] = loop_of(p)
+        return loops[place]
+
+    worst = worst_case(kept, sides, draws=box.draws, seed=box.seed)
     with_margins = worst_case(
-        loop_of, sides, limit_of=lambda loop: margin_limit(loop, margins), draws=max(box.draws // FEWER, 1),
+        kept, sides, limit_of=lambda loop: margin_limit(loop, margins), draws=max(box.draws // FEWER, 1),
         seed=box.seed,
     )  # fmt: skip
     half = worst.gain / margins.gain  # the other search may have found a lower limit

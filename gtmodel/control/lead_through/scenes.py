@@ -11,7 +11,7 @@ import numpy as np
 
 from ...results.options import Options, Unit, Within
 from .gains import ZEROS, Three
-from .wrench import cross
+from .wrench import cross, crossed
 
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s2], in the world frame, z up
 
@@ -171,7 +171,7 @@ class SyntheticHole(Options):
     stiffness: Annotated[float, Unit("N/m"), Within(above=0.0), "of each contact"] = 2000.0
     friction: Annotated[float, Within(least=0.0), "Coulomb coefficient"] = 0.0
 
-    @property
+    @cached_property
     def axis(self) -> np.ndarray:
         """Axis (3,), out of the hole."""
         return np.array([math.sin(self.tilt), 0.0, math.cos(self.tilt)])
@@ -182,8 +182,8 @@ class SyntheticHole(Options):
         """See `Contact`."""
         force, moment = np.zeros(3), np.zeros(3)
         for arm, pressed in self._pressed(position, turn):
-            contact = self._with_friction(pressed, velocity + np.cross(rate, arm))
-            force, moment = force + contact, moment + np.cross(arm, contact)
+            contact = self._with_friction(pressed, velocity + crossed(rate, arm))
+            force, moment = force + contact, moment + crossed(arm, contact)
         return force, moment
 
     def energy(self, position: np.ndarray, turn: np.ndarray, time: float) -> float:

@@ -16,7 +16,7 @@ from .law import LeadThroughLaw
 from .options import ServoChain
 from .scenes import Contact, SyntheticSensor
 from .sensor import SignTest
-from .wrench import Turn, Vector, WrenchStatus, cross, turns_of, vector_of
+from .wrench import Turn, Vector, WrenchStatus, crossed, turns_of, vector_of
 
 
 @lru_cache(maxsize=16)  # thousands of hands are tried with one servo
@@ -156,9 +156,9 @@ def guide_tool(
         arm = R @ r
         f_h, m_h = rows[k, 0], rows[k, 1]
         if hand is not None:
-            off, relative = target - x - arm, rows[k, 2] - v - _cross(w, arm)
-            f_h = f_h + hand.force(off, relative, moves.acceleration + _cross(turns.acceleration, arm))
-        m_h = m_h + _cross(arm, f_h)
+            off, relative = target - x - arm, rows[k, 2] - v - crossed(w, arm)
+            f_h = f_h + hand.force(off, relative, moves.acceleration + crossed(turns.acceleration, arm))
+        m_h = m_h + crossed(arm, f_h)
         target = target + cycle * rows[k, 2]
         readings = _wrench(handle.reading(f_h, m_h, R, rng)), _wrench(tool.reading(force, moment, R, rng))
         allowed, state = state.allowed, law.step(state, *readings, _turn(R))
@@ -192,18 +192,15 @@ def guide_tool(
     )
 
 
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a x b of two vectors; np.cross does the same, but takes ten times as long."""
-    return np.array(cross(a.tolist(), b.tolist()))
-
-
 def _wrench(pair: tuple[np.ndarray, np.ndarray]) -> tuple[Vector, Vector]:
     return _vector(pair[0]), _vector(pair[1])
 
 
 def _turn(R: np.ndarray) -> Turn:
-    return _vector(R[0]), _vector(R[1]), _vector(R[2])
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    return (a, b, c), (d, e, f), (g, h, i)
 
 
 def _vector(row: np.ndarray) -> Vector:
-    return float(row[0]), float(row[1]), float(row[2])
+    x, y, z = row.tolist()
+    return x, y, z

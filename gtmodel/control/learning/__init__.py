@@ -9,7 +9,7 @@ Lifted           a linear map of whole signals with its adjoint; constructors: l
 LearningLaw      u(k+1) = Q (u(k) + L e(k)); simple_law: case 1; ramp_weights, input_window: (7.12), (7.14)
 largest_gain, spectral_radius, frequency_bound    convergence: (7.16), (7.15), and in the frequency domain
 rate, floor, learn    rate of convergence, remaining error, and runs; above_cutoff: share above a frequency
-delayed_lag, ACTUATORS, pulse_response, frequency_response    plants, including (6.11)
+SampledSystem, delayed_lag, ACTUATORS, pulse_response, frequency_response    plants, including (6.11)
 AxisPlant        motor, tool and acceleration of an axis; flexible_axis: a synthetic one; tool_model: its tool
 ModelledRobot    a robot by plants of its axes; lag_robot: from b and a; linear_axis: from a model;
                  identified_robot, identified_axis, identified_tool, begin (of a pulse response): from a log
@@ -97,6 +97,7 @@ if TYPE_CHECKING:
     from .plants import (
         ACTUATOR_DELAY as ACTUATOR_DELAY,
         ACTUATORS as ACTUATORS,
+        SampledSystem as SampledSystem,
         delayed_lag as delayed_lag,
         frequency_response as frequency_response,
         pulse_response as pulse_response,

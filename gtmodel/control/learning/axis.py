@@ -4,21 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
-from ..._lazy import hint
 from ..._pickling import Portable
 from ...linear.state_space import held, ramped
 from ...results import ArgumentError
 from .lifted import Lifted, lifted
-from .plants import SAMPLE_TIME, Plant, frequency_response
-
-if TYPE_CHECKING:
-    from control import StateSpace
-else:
-    StateSpace = hint("control", "StateSpace")
+from .plants import SAMPLE_TIME, Plant, SampledSystem, frequency_response
 
 Signal = Literal["motor", "tool", "acceleration"]
 
@@ -65,8 +59,6 @@ def flexible_axis(
     >>> bool(abs(learning.pulse_response(axis.signals["tool"], 800).sum() - 1) < 1e-3)  # unit static gain
     True
     """
-    from ..._control import control
-
     for name, value in (("frequency", frequency), ("damping", damping), ("lag", lag), ("sample_time", sample_time)):
         if not value > 0:
             raise ArgumentError(f"expected a number above 0; found {value:g}", name)
@@ -78,14 +70,12 @@ def flexible_axis(
     C, D, signals = np.vstack([np.eye(3)[:2], A[2]]), np.array([[0], [0], [B[2, 0]]]), {}
     a, b = held(A, B, sample_time)
     for row, name in enumerate(("motor", "tool", "acceleration")):
-        signals[name] = delayed(control.StateSpace(a, b, C[row : row + 1], D[row : row + 1], sample_time), delay)
+        signals[name] = delayed(SampledSystem(a, b, C[row : row + 1], D[row : row + 1], sample_time), delay)
     return AxisPlant(signals, sample_time)
 
 
-def delayed(plant: StateSpace, delay: int) -> StateSpace:
+def delayed(plant: SampledSystem, delay: int) -> SampledSystem:
     """Return a plant of one input with its input delayed by `delay` samples."""
-    from ..._control import control
-
     if not delay:
         return plant
     A, B, C, D = (np.asarray(m, float) for m in (plant.A, plant.B, plant.C, plant.D))
@@ -96,10 +86,10 @@ def delayed(plant: StateSpace, delay: int) -> StateSpace:
     big[n:-1, n + 1 :] = np.eye(delay - 1)
     first = np.zeros((n + delay, 1))
     first[-1] = 1.0
-    return control.StateSpace(big, first, np.hstack([C, D, np.zeros((p, delay - 1))]), np.zeros((p, 1)), plant.dt)
+    return SampledSystem(big, first, np.hstack([C, D, np.zeros((p, delay - 1))]), np.zeros((p, 1)), plant.dt)
 
 
-def tool_model(frequency: float, damping: float, sample_time: float = SAMPLE_TIME) -> StateSpace:
+def tool_model(frequency: float, damping: float, sample_time: float = SAMPLE_TIME) -> SampledSystem:
     """Return the model from the motor side at this and the next sample, linear in between, to the tool.
 
     frequency: [Hz]. `kalman_estimate` uses this model, or an identified model of one input.
@@ -108,11 +98,9 @@ def tool_model(frequency: float, damping: float, sample_time: float = SAMPLE_TIM
     >>> model.ninputs, model.noutputs, model.nstates
     (2, 1, 2)
     """
-    from ..._control import control
-
     w = 2 * np.pi * frequency
     # z'' = w2 (z_c - z) + 2 zeta w (z_c' - z'), with v = z' - 2 zeta w z_c in place of z'
     A = np.array([[0.0, 1.0], [-(w**2), -2 * damping * w]])
     B = np.array([[2 * damping * w], [w**2 - (2 * damping * w) ** 2]])
     F, first, last = ramped(A, B, sample_time)
-    return control.StateSpace(F, np.hstack([first, last]), [[1.0, 0.0]], np.zeros((1, 2)), sample_time)
+    return SampledSystem(F, np.hstack([first, last]), [[1.0, 0.0]], np.zeros((1, 2)), sample_time)

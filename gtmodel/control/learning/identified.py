@@ -13,14 +13,12 @@ from ...measurements.inspection.misread_columns import LEAST as LEAST_GAIN, MOST
 from ...results import ArgumentError
 from ...results.suspicion import Suspicion, alarms
 from .axis import AxisPlant, delayed
-from .plants import SAMPLE_TIME
+from .plants import SAMPLE_TIME, SampledSystem
 
 if TYPE_CHECKING:
-    from control import StateSpace
-
     from ...vibration import Record, SubspaceModel
 else:
-    StateSpace, Record = hint("control", "StateSpace"), hint("gtmodel.vibration", "Record")
+    Record = hint("gtmodel.vibration", "Record")
     SubspaceModel = hint("gtmodel.vibration", "SubspaceModel")
 
 TAPS = 60  # of the pulse response used to find the delay
@@ -58,7 +56,6 @@ def identified_axis(
     >>> [round(x, 2) for x in learning.ModelledRobot([axis]).mode(0)]
     [11.5, 0.05]
     """
-    from ..._control import control
     from ...vibration import Record
 
     u = np.asarray(reference, float)
@@ -81,7 +78,7 @@ def identified_axis(
     C, D = np.asarray(system.C, float) * scale[:, None], np.asarray(system.D, float) * scale[:, None]
     plant = AxisPlant(
         {
-            name: delayed(control.StateSpace(system.A, system.B, C[k : k + 1], D[k : k + 1], sample_time), before)
+            name: delayed(SampledSystem(system.A, system.B, C[k : k + 1], D[k : k + 1], sample_time), before)
             for k, name in enumerate(rows)
         },
         sample_time,
@@ -194,7 +191,7 @@ def pulses(u: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, int, float]:
     return g[:TAPS], int(rank), 1 - float(np.var(output - columns @ g)) / spread if spread > 0 else 0.0
 
 
-def identified_tool(motor: Any, tool: Any, sample_time: float = SAMPLE_TIME, order: int | None = None) -> StateSpace:
+def identified_tool(motor: Any, tool: Any, sample_time: float = SAMPLE_TIME, order: int | None = None) -> SampledSystem:
     """Identify the model from the motor side to the tool for `ExtendedKalman`, from one log.
 
     Args:
@@ -212,13 +209,12 @@ def identified_tool(motor: Any, tool: Any, sample_time: float = SAMPLE_TIME, ord
     >>> model.ninputs, model.nstates
     (2, 3)
     """
-    from ..._control import control
     from ...vibration import Record
 
     zc, z = np.asarray(motor, float), np.asarray(tool, float)
     model = _identified(Record((zc[:-1] + zc[1:]) / 2, z[:-1], sample_time), order, feedthrough=False)
     _explains(model, {"tool": z})
     half = np.asarray(model.system.B, float) / 2
-    return control.StateSpace(
+    return SampledSystem(
         model.system.A, np.hstack([half, half]), model.system.C, np.zeros((1, 2)), sample_time
     )  # fmt: skip

@@ -13,7 +13,7 @@ from ..._lazy import hint
 from ..._pickling import Portable
 from ...linear.state_space import settled_covariance
 from ...results import ArgumentError
-from .plants import frequency_response, pulse_response
+from .plants import SampledSystem, frequency_response, pulse_response
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -42,7 +42,7 @@ class ExtendedKalman(Portable):
     (4,)
     """
 
-    model: StateSpace
+    model: SampledSystem | StateSpace
     process: float
     noise: float
 
@@ -98,10 +98,8 @@ class ExtendedKalman(Portable):
         return (A @ self.covariance @ H.T)[:, 0] / self.innovation_variance
 
     @cached_property
-    def system(self) -> StateSpace:
+    def system(self) -> SampledSystem:
         """The filter from z_c (this and following samples) and acceleration to zhat and the predicted acceleration."""
-        from ..._control import control
-
         A, B, H = self.extended
         n = len(A)
         # one more state: the previous reading
@@ -112,7 +110,7 @@ class ExtendedKalman(Portable):
         C = np.zeros((2, n + 1))
         C[0, : n - 2] = np.asarray(self.model.C, float)[0]
         C[1, :n] = H[0]
-        return control.StateSpace(big, inputs, C, np.zeros((2, B.shape[1] + 1)), self.sample_time)
+        return SampledSystem(big, inputs, C, np.zeros((2, B.shape[1] + 1)), self.sample_time)
 
     def pulses(self, size: int) -> list[np.ndarray]:
         """Return pulse responses (size,) of zhat to each input; the last input is the acceleration."""
@@ -143,16 +141,16 @@ class ExtendedKalman(Portable):
         v = self.innovations(motor, acceleration)
         return float(-0.5 * (v @ v + len(v) * np.log(self.innovation_variance)))
 
-    def _from(self, column: int, row: int) -> StateSpace:
-        from ..._control import control
-
+    def _from(self, column: int, row: int) -> SampledSystem:
         s = self.system
-        return control.StateSpace(
+        return SampledSystem(
             s.A, np.asarray(s.B)[:, column : column + 1], np.asarray(s.C)[row : row + 1], [[0.0]], self.sample_time
         )
 
 
-def most_likely_filter(model: StateSpace, motor: Any, acceleration: Any, noise: float) -> ExtendedKalman:
+def most_likely_filter(
+    model: SampledSystem | StateSpace, motor: Any, acceleration: Any, noise: float
+) -> ExtendedKalman:  # fmt: skip
     """Return the filter with the process noise that maximises the likelihood of the innovations of a run (N,).
 
     Arguments as in `ExtendedKalman`; motor [m], acceleration [m/s2]: (N,), from rest. The tool is not used.

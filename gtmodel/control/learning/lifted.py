@@ -114,23 +114,32 @@ def toeplitz(pulse: Any) -> Lifted:
     >>> learning.toeplitz([1.0, 0.5, 0.25]).dense().tolist()
     [[1.0, 0.0, 0.0], [0.5, 1.0, 0.0], [0.25, 0.5, 1.0]]
     """
-    g = np.asarray(pulse, float)[:, None]
+    g = np.asarray(pulse, float)
     n = len(g)
+    product = _convolution(g, n)
 
     def forward(x: Array) -> Array:
         if n <= SHORT:
             rows = np.subtract.outer(np.arange(n), np.arange(n))
-            return np.where(rows >= 0, g[np.abs(rows), 0], 0.0) @ x
-        return scipy.signal.fftconvolve(g, x, axes=0)[:n]
+            return np.where(rows >= 0, g[np.abs(rows)], 0.0) @ x
+        return product(x)[:n]
 
     return Lifted(n, forward, lambda y: forward(y[::-1])[::-1])
+
+
+def _convolution(g: Array, size: int) -> Apply:
+    """Return the convolution of columns (size, k) with g. `scipy.signal.fftconvolve` transforms g anew in each call."""
+    count = scipy.fft.next_fast_len(len(g) + size - 1, real=True)
+    spectrum = scipy.fft.rfft(g, count)[:, None]
+    return lambda x: scipy.fft.irfft(spectrum * scipy.fft.rfft(x, count, axis=0), count, axis=0)
 
 
 def lifted(plant: Plant, size: int) -> Lifted:
     """Return the map of a plant with one input and one output, from rest: Dressler 2012, (7.5) and (7.9).
 
-    plant: discrete-time `control.StateSpace` or `TransferFunction`. Raises ArgumentError as `pulse_response`, and for a
-    pole outside the unit circle, because rounding errors of the FFT scale with the largest sample.
+    plant: `SampledSystem`, or discrete-time `control.StateSpace` or `TransferFunction`. Raises ArgumentError as
+    `pulse_response`, and for a pole outside the unit circle, because rounding errors of the FFT scale with the largest
+    sample.
 
     >>> learning = gt.control.learning
     >>> learning.lifted(learning.delayed_lag(0.5, 0.5, delay=1), 3).dense().tolist()
@@ -196,11 +205,10 @@ def symmetric(taps: Any, size: int) -> Lifted:
     [[0.5, 0.25, 0.0], [0.25, 0.5, 0.25], [0.0, 0.25, 0.5]]
     """
     half = np.asarray(taps, float)
-    both = np.concatenate([half[:0:-1], half])[:, None]
-    m = len(half) - 1
+    product, m = _convolution(np.concatenate([half[:0:-1], half]), size), len(half) - 1
 
     def forward(x: Array) -> Array:
-        return scipy.signal.fftconvolve(both, x, axes=0)[m : m + size]
+        return product(x)[m : m + size]
 
     return Lifted(size, forward, forward)
 

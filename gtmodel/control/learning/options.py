@@ -14,13 +14,12 @@ from ...results.options import Long, Options, Unit, Within
 from .references import ACTUATOR_DELAY, ACTUATORS, CONTRACTION, LENGTH, SAMPLE_TIME
 
 if TYPE_CHECKING:
-    from control import StateSpace
-
     from .axis import AxisPlant
+    from .plants import SampledSystem
     from .robot import ModelledRobot
 else:
     AxisPlant = hint("gtmodel.control.learning.axis", "AxisPlant")
-    StateSpace = hint("control", "StateSpace")
+    SampledSystem = hint("gtmodel.control.learning.plants", "SampledSystem")
     ModelledRobot = hint("gtmodel.control.learning.robot", "ModelledRobot")
 
 Case = Literal["1", "2A", "2B", "3"]
@@ -71,7 +70,7 @@ class LearningRobot(Options):
         """Return frequency [Hz] and damping ratio of an axis' least damped mode; None without a tool."""
         return None if self.loop == "printed" else (self.frequency[axis], self.damping[axis])
 
-    def tool(self, axis: int) -> StateSpace:
+    def tool(self, axis: int) -> SampledSystem:
         """Return the model from the motor side to the tool, for the filter of (7.21)."""
         from .axis import tool_model
 

@@ -12,13 +12,13 @@ from gtmodel import lang as gt
 
 from ..._lazy import hint
 from ..._pickling import Portable
-from ...linear.state_space import continuous_poles, frequency_and_damping
+from ...linear.state_space import continuous_poles, frequency_and_damping, held
 from ...results import ArgumentError
 from ...results.refusal import naming
 from .axis import AxisPlant, delayed
 from .identified import COLUMNS, EXPLAINED, LEAST, TAPS, identified_axis, identified_tool, pulses
 from .options import AXES
-from .plants import SAMPLE_TIME, delayed_lag, stable
+from .plants import SAMPLE_TIME, SampledSystem, delayed_lag, stable
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -48,7 +48,7 @@ class ModelledRobot(Portable):
     """
 
     plants: Sequence[AxisPlant]
-    tools: Sequence[StateSpace] = ()
+    tools: Sequence[SampledSystem | StateSpace] = ()
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.plants) <= len(AXES) or len(self.tools) not in (0, len(self.plants)):
@@ -93,7 +93,7 @@ class ModelledRobot(Portable):
         frequency, damping = min(modes, key=lambda m: m[0] * m[1])
         return float(frequency), float(damping)
 
-    def tool(self, axis: int) -> StateSpace:
+    def tool(self, axis: int) -> SampledSystem | StateSpace:
         """Return the model from the motor side to the tool."""
         if self.tools:
             return self.tools[axis]
@@ -151,25 +151,23 @@ def linear_axis(
     >>> gt.control.learning.pulse_response(axis.signals["motor"], 7).round(3).tolist()
     [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.181]
     """
-    from ..._control import control
-    from ...simulation import linearize
+    from ...simulation.linearize import Linearization
 
     if delay < 0:
         raise ArgumentError(f"must not be negative; found {delay} samples", "delay")
-    linear = control.c2d(linearize(model, reference, list(signals.values())), sample_time)
-    A, B, C, D = (np.asarray(m, float) for m in (linear.A, linear.B, linear.C, linear.D))
+    A, B, C, D = Linearization(model, reference, list(signals.values())).at(None, None).matrices
     if C.shape[0] != len(signals) or B.shape[1] != 1:
         raise ArgumentError("expected one input and scalar signals; name components of vectors", "signals")
     return AxisPlant(
         {
-            name: delayed(control.StateSpace(A, B, C[k : k + 1], D[k : k + 1], sample_time), delay)
+            name: delayed(SampledSystem(*held(A, B, sample_time), C[k : k + 1], D[k : k + 1], sample_time), delay)
             for k, name in enumerate(signals)
         },
         sample_time,
     )
 
 
-def _light(system: StateSpace, sample_time: float) -> list[complex]:
+def _light(system: SampledSystem | StateSpace, sample_time: float) -> list[complex]:
     """Poles of lightly damped modes in the upper half plane."""
     poles = []
     for pole in np.linalg.eigvals(np.asarray(system.A, float)):
@@ -180,11 +178,11 @@ def _light(system: StateSpace, sample_time: float) -> list[complex]:
     return poles
 
 
-def _moved(system: StateSpace, sample_time: float, frequency: float, damping: float) -> StateSpace:
+def _moved(system: SampledSystem | StateSpace, sample_time: float, frequency: float, damping: float) -> Any:
     """The system in series with a filter of unit static gain that moves its lightly damped modes."""
     from ..._control import control
 
-    moved = system
+    moved: Any = system.to_control() if isinstance(system, SampledSystem) else system
     for pole in _light(system, sample_time):
         f, z = frequency_and_damping(continuous_poles(pole, sample_time))
         z = min(z * damping, 1 - 1e-9)

@@ -178,8 +178,9 @@ def plan_of(
             error_of[at] = _range(along)
     common = {"turned": turned, "error_of": error_of, "sensors": tuple(sensors), "depth": depth}
     common |= _of_quaternions(maker) if turned else {"turn": None, "unit": None}
-    moved = _moved(system, maker, period)
+    moved: dict[str, Any] = _moved(system, maker, period)
     moved["transition"], moved["same"] = without_ones(moved["transition"])
+    # pyrefly: ignore[bad-argument-type]
     return FilterPlan(size=space.size, errors=space.dimension, inputs=maker.inputs, **moved, **common)
 
 

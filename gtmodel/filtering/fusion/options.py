@@ -233,6 +233,7 @@ def printed_errors(
         }
     for key, (value, fused, name) in TABLE_9.items():
         si_value = _si(value, "deg/s" if key == "rate_noise" else "m")
+        # pyrefly: ignore[bad-argument-type]
         if si_value is not None and fused[k] is not None and sensors == replace(plain, **{key: si_value}):
             return "Table 9", {name: (None, _si(fused[k], "deg/s" if key == "rate_noise" else "m"))}
     return "", {}

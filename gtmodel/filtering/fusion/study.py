@@ -439,16 +439,14 @@ def _figures(
 
 
 def _in_space(scene: Scene, f: _Fused, title: str) -> view.RobotScene:
-    """True and fused path, and the filter's deviations along x, y and z at some instants."""
-    true, fused, spread = scene.motion.p[: len(f.run.time)], f.run["p"], f.run.deviation["p"]
+    """True and fused path, and the filter's covariance at some instants."""
+    true, fused = scene.motion.p[: len(f.run.time)], f.run["p"]
     rows = np.unique(np.linspace(0, len(true) - 1, SEGMENTS + 1).round().astype(int))
     first = int(np.searchsorted(f.run.time, settled(scene)))  # the start is uncertain and would hide all others
     marked = np.unique(np.linspace(min(first, len(true) - 1), len(true) - 1, ELLIPSOIDS).round().astype(int))
-    drawn, note = view.ellipsoids(fused[marked], spread[marked, :, None] ** 2 * np.eye(3))
+    drawn, note = view.ellipsoids(fused[marked], f.run.covariance("p")[marked])
     way = view.lines(true[rows[:-1]], true[rows[1:]], name="true path", colour="#000000")
     marks = view.dots(fused[marked], name="fused position")
-    if note:
-        note += " They ignore correlations between x, y and z, which the filter has but does not keep."
     return view.around(None, [way, marks, *drawn], title=title, note=f"{note} Line: true path; synthetic data.".strip())
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -318,5 +319,7 @@ def _turned(
 def _sorted(made: Postures, near: np.ndarray) -> Postures:
     distance = np.linalg.norm(made.q - near[:, None], axis=2)
     order = np.argsort(np.where(np.isnan(distance), np.inf, distance), axis=1, kind="stable")
-    taken = {name: np.take_along_axis(getattr(made, name), order, axis=1) for name in ("status", "branch", "beyond")}
+    taken: dict[str, Any] = {
+        name: np.take_along_axis(getattr(made, name), order, axis=1) for name in ("status", "branch", "beyond")
+    }
     return replace(made, q=np.take_along_axis(made.q, order[..., None], axis=1), **taken)

@@ -10,6 +10,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
+from ... import view
 from ...inference import FALSE_ALARM, Coverage, binomial_band, coverage, linear_fits
 from ...lang import Model
 from ...motion.options import Limits
@@ -49,7 +50,7 @@ def study_of_motion(
     best = motions.best
     trajectory = _trajectory(plan, best.c, title)
     values = _values(plan, search, motions)
-    worst = float(np.max(best.excess))
+    worst, force = float(np.max(best.excess)), plan.limits.force
     checks = {
         "limits_excess_on_fine_grid": at_most(worst, 0.0, "raise starts"),
         "condition_to_best_random": at_most(1 / values["improvement"], STILL_BETTER, "raise starts"),
@@ -71,6 +72,7 @@ def study_of_motion(
             "information": partial(_information_figure, plan, values, title),
             "workspace": partial(_workspace_figure, plan, motions, trajectory),
         },
+        scenes={"motion": partial(view.scene, plan.robot, trajectory, limits={"tau": (-force, force)})},
     )  # fmt: skip
 
 

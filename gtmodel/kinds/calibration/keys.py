@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Discriminator, Field, Tag
 
 from gtmodel.calibrate.measured import options as measured
+from gtmodel.calibrate.measured.options import Measured
 from gtmodel.calibrate.options import Fit
 from gtmodel.calibrate.synthetic import options as synthetic_options
 from gtmodel.compliance.load_tests import options as load_tests
@@ -29,7 +30,7 @@ class MeasuredSection(FormSection):
     )
     source: Source = ""
 
-    def measured(self, key: str, context: Context) -> measured.Measured:
+    def measured(self, key: str, context: Context) -> Measured:
         """Return the options, with the paths of all files. Raises InputError."""
         options = self.options()
         signals = dict(options.signals)

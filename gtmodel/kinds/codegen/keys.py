@@ -312,7 +312,7 @@ class Schema(RobotProblem):
     @property
     def wanted(self) -> tuple[InputSpeed | None, list[str]]:
         """What --certify proves beside the status."""
-        return self.moving and self.moving.options(), [f.name for f in self.functions if f.regular]
+        return None if self.moving is None else self.moving.options(), [f.name for f in self.functions if f.regular]
 
     def robot_from(self, context: Context, out: Path) -> str:
         """Return the robot as the manifest of a generated folder names it: the path of its file from there."""

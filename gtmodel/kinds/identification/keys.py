@@ -109,7 +109,7 @@ class Schema(RobotProblem, Made):
         default=None,
         description="for a three-link robot: model_1 to model_4 of Table 6.3, or links, with thirteen parameters",
     )
-    friction: SharpFriction = SharpFriction()  # pyright: ignore[reportIncompatibleVariableOverride]
+    friction: SharpFriction = SharpFriction()  # pyrefly: ignore[bad-override]
     filter: Made[Processing] = Made[Processing].left_out()
     log: IdentificationLogSection | None = Field(default=None, description="measured logs")
     synthetic: SyntheticLogSection | None = Field(default=None, description="a synthetic log")

@@ -10,6 +10,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
+from ... import view
 from ...lang import Model
 from ...results import ArgumentError, SolveStatus, Status, Work
 from ...results.table import csv_text
@@ -20,6 +21,7 @@ from .corners import Array, ErrorMap, Method, map_errors
 from .options import AccuracyStudy, ErrorSection, LinkErrors, MonteCarloDraws
 
 MOST_POINTS = 1e7
+BOXES = 7  # along each side of the rectangle in space
 DIAGONAL = 101  # points on the rectangle's diagonal, along which the face areas are drawn
 
 
@@ -131,8 +133,11 @@ def _study_of(region: ErrorRegion, title: str, judged_cases: list[JudgedCase]) -
     rectangle = region.plane.points(np.array([low, [high[0], low[1]], high, [low[0], high[1]]]))
     figures["robot"] = partial(home_figure, region.robot, [rectangle], title)
     checks = {name: check for f in judged_cases for name, check in f.checks.items()}
+    scenes = {f"error_{k + 1}": partial(_in_space, region, title, f) for k, f in enumerate(judged_cases)}
     files = {"errors.csv": _table(region, [f.map for f in judged_cases])}
-    return _study(region, title, judged_cases, status, message, checks=checks, figures=figures, files=files)
+    return _study(
+        region, title, judged_cases, status, message, checks=checks, figures=figures, scenes=scenes, files=files
+    )
 
 
 def _study(
@@ -168,6 +173,19 @@ def _table(region: ErrorRegion, maps: list[ErrorMap]) -> str:
     coordinates = {"u_m": uv[:, 0], "v_m": uv[:, 1], "x_m": T[:, 0], "y_m": T[:, 1], "z_m": T[:, 2]}
     errors = {f"error_{k + 1}_um": 1e6 * error_map.error[inside] for k, error_map in enumerate(maps)}
     return csv_text(coordinates | errors, dict.fromkeys(coordinates, 9) | dict.fromkeys(errors, 6))
+
+
+def _in_space(region: ErrorRegion, title: str, f: JudgedCase) -> view.RobotScene:
+    """The robot at home, the points of the rectangle by their largest error, and all possible errors at some of
+    them."""
+    rows, thin = view.thinned((len(region.u), len(region.v)))
+    rows = rows[region.window[rows]]
+    marks = view.levels(region.T[rows], 1e6 * f.map.error[rows], "largest error", "µm")
+    u, v = (np.linspace(low, high, BOXES) for low, high in zip(region.low, region.high, strict=True))
+    T = region.plane.points(np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2))
+    boxes, note = view.error_boxes(T, f.errors.corners(region.base_points(T)[0], T)[0])
+    name = f"{title or 'accuracy'}: {f.values['name']}"
+    return view.around(region.robot.model, [*marks, *boxes], title=name, note=f"{note} {thin}".strip())
 
 
 def _error_figure(region: ErrorRegion, title: str, f: JudgedCase) -> Any:

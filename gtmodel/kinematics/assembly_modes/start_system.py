@@ -43,7 +43,7 @@ def to_text(systems: tuple[StartSystem, ...]) -> str:
     records = []
     for s in systems:
         arrays = {"A": s.parameters.A, "B": s.parameters.B, "c": s.parameters.c, "z": s.z}
-        records.append({"seed": s.seed} | {k: _rows(np.asarray(v)) for k, v in arrays.items()})
+        records.append({"seed": s.seed, **{k: _rows(np.asarray(v)) for k, v in arrays.items()}})
     note = "made by python -m gtmodel.kinematics.assembly_modes.start_system; per row: real parts, then imaginary"
     lines = [f'{{"note": {json.dumps(note)},', '"systems": [']
     for k, record in enumerate(records):

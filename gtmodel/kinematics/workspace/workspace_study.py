@@ -29,7 +29,6 @@ CONVERGENCE = 0.01
 FINER = "use a smaller step of the section"
 # relative difference of the area from cells and from boundary loops: rounding
 POLYGONS = 1e-9
-SHOWN = 2500  # points of the section in space
 FEW = 10  # points across the section; with so few, a reachable area between the points may be missed
 
 
@@ -268,20 +267,15 @@ def _in_space(
     title: str, task: WorkspaceTask, main: SectionMap, obstacles: Sequence[Box | Beam]
 ) -> view.RobotScene:  # fmt: skip
     """The robot at home, with obstacles, the points of the section by reason and the boundary of the reachable ones."""
-    every = max(1, int(np.ceil(np.sqrt(main.codes.size / SHOWN))))
-    u, v = np.meshgrid(main.u[::every], main.v[::every], indexing="ij")
-    T = main.section.points(np.column_stack([u.ravel(), v.ravel()]))
-    codes = main.codes[::every, ::every].ravel().tolist()
+    rows, note = view.thinned((len(main.u), len(main.v)))
+    u, v = np.meshgrid(main.u, main.v, indexing="ij")
+    T = main.section.points(np.column_stack([u.ravel(), v.ravel()])[rows])
+    codes = main.codes.ravel()[rows].tolist()
     words = {code: "reachable" if code == REACHABLE else task.reach.message(code) for code in set(codes)}
     bodies = view.groups(T, [words[code] for code in codes])
     for loop in map(main.section.points, main.region.loops):
         bodies.append(view.lines(loop, np.roll(loop, -1, axis=0), name="boundary", colour="#000000"))
     bodies += [obstacle.body() for obstacle in obstacles]
-    note = (
-        f"Every {every}th point of the grid in both directions."
-        if every > 3
-        else (f"Every {'second' if every == 2 else 'third'} point of the grid in both directions." if every > 1 else "")
-    )
     return view.around(task.robot.model, bodies, title=title, note=note)
 
 

@@ -170,7 +170,7 @@ def _opened(path: PathLike, form: LogForm) -> tuple[Stream | MatFile | Bag, LogF
             detected: dict[str, Any] = {"decimal": "comma"}
         except FormError as error:
             detected = error.form
-        form = replace(form, **detected)
+        form = replace(form, **detected)  # pyrefly: ignore[bad-argument-type]
         notes += [f"the table begins at line {line}: header = {line}" for line in [detected.get("header")] if line]
         notes += ['the numbers have decimal commas: decimal = "comma"'] if "decimal" in detected else []
 

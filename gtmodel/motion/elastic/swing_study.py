@@ -8,6 +8,7 @@ from typing import Annotated, Any, Unpack
 
 import numpy as np
 
+from ... import view
 from ...lang import Model
 from ...results import SolveStatus, Work
 from ...results.options import Long, Within
@@ -64,7 +65,7 @@ def elastic_study(
     work.step("rigid plan")
 
     def solved(mesh: ElasticMesh, before: OnMesh | None) -> OnMesh:
-        plans = plans_on(mesh, task, before and before.kept, work)
+        plans = plans_on(mesh, task, None if before is None else before.kept, work)
         return OnMesh(mesh, _study_of(plans, work.title), plans)
 
     return study_on_meshes(solved, mesh or ElasticMesh(), MENDED, work.interrupted)
@@ -78,6 +79,7 @@ def _study_of(outcome: Plans | PlansFailure, title: str) -> ElasticStudy:
     task, elastic, tool = outcome.task, outcome.elastic, outcome.task.tool
     ends = "; ".join(f"{n} {t['final_time_s']:.4g} s, {t['residual_mm']:.3g} mm" for n, t in outcome.table.items())
     plans = (("rigid", outcome.rigid), ("elastic", elastic))
+    limits = {"tau": (-task.force, task.force)}
     open_ends = [f"{name} plan: {plan.reservation}" for name, plan in plans if plan.reservation]
     return ElasticStudy(
         status=SolveStatus.SOLVED,
@@ -96,6 +98,7 @@ def _study_of(outcome: Plans | PlansFailure, title: str) -> ElasticStudy:
         trajectory=elastic.trajectory,
         machine_files=(TRAJECTORY,),
         figures={"swing": partial(_figure, outcome.motions, tool, title)},
+        scenes={"motion": partial(view.scene, task.robot, elastic.trajectory, limits=limits, title=title)},
     )
 
 

@@ -106,7 +106,7 @@ def checked_joints(
     kinds = [joints] * n if isinstance(joints, str) and letters else list(joints)
     if not set(kinds) <= set(KINDS) or len(kinds) != n:
         raise wrong(f"joints takes one of r, p for each of the {n} joints, such as 'rrp'; found {joints!r}", "joints")
-    numbers = {key: _each(key, value, n) for key, value in numbers.items()}
+    each = {key: _each(key, value, n) for key, value in numbers.items()}
     if convention not in ("standard", "modified"):
         raise wrong(f"a convention is standard or modified; found {convention!r}", "convention")
     if smoothing not in FRICTION:
@@ -129,7 +129,7 @@ def checked_joints(
     arm_joints = tuple(
         ArmJoint(labels[k], KINDS[kinds[k]], f"link_{k + 1}", float(ends[k, 0]), float(ends[k, 1])) for k in range(n)
     )
-    return numbers, started(ArmStructure(title, arm_joints, convention, smoothing=smoothing), start)
+    return each, started(ArmStructure(title, arm_joints, convention, smoothing=smoothing), start)
 
 
 def _numbers(name: str, value: ArrayLike) -> Array:
@@ -224,13 +224,14 @@ def _places(arm: SerialArm, turns: bool) -> Callable[[Array], Array]:
     point, rpy = np.asarray(arm.tool_xyz, float), np.asarray(arm.tool_rpy, float)
     points = np.vstack([np.zeros(3), *([np.eye(3)] if turns else [])])  # tool coordinates
     q = np.tile(q, (len(points), 1))
+    steps = [dh_step(s.style, *row) for row in numbers]
 
     def place(change: Array) -> Array:
         changed = numbers + change[: 5 * n].reshape(n, 5)
         shift, turn, frame = np.split(change[5 * n :], [3, 6])
         p = np.repeat(point + shift + points @ rotation_of_rpy(rpy + turn).T, POINTS, axis=0)
         for k in reversed(range(n)):
-            R, r = dh_step(s.style, *changed[k])
+            R, r = dh_step(s.style, *changed[k]) if (changed[k] != numbers[k]).any() else steps[k]
             if s.style == "standard":
                 p = _joint(s.joints[k].kind, q[:, k], p @ R.T + r)
             else:

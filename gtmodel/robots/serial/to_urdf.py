@@ -8,7 +8,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...geometry.rotations import rotation_of_rpy, rpy_of_rotation
+from ...geometry.rotations import X, Y, Z, rotation_about, rotation_of_rpy, rpy_of_rotation
 from ...lang import ModelError
 from .arm import DH_NAMES, SerialArm
 from .structure import central, moved
@@ -133,7 +133,7 @@ def _placements(arm: SerialArm) -> tuple[list[Pose], list[tuple[float, Array, Ar
 
 def dh_step(style: str, theta: float, d: float, a: float, alpha: float, beta: float) -> Pose:
     """Return rotation (3, 3) and origin (3,) [m] of the next frame from Denavit-Hartenberg parameters [rad, m]."""
-    x, y, z = (rotation_of_rpy(np.eye(3)[k] * angle) for k, angle in enumerate((alpha, beta, theta)))
+    x, y, z = rotation_about(X, alpha), rotation_about(Y, beta), rotation_about(Z, theta)
     if style == "standard":
         return z @ x @ y, np.array([a * np.cos(theta), a * np.sin(theta), d])
     return x @ y @ z, np.array([a, 0.0, 0.0]) + d * (x @ y)[:, 2]

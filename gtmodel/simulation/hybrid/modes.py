@@ -320,7 +320,9 @@ class SimulatedModes:
                 break
         else:
             return systems.at(w, time, settings), w
-        if sample is not w and (system := systems.at(point, time, settings)) is None:
+        if sample is not w:
+            system = systems.at(point, time, settings)
+        if system is None:
             return None, w
         for _ in range(TRIES if any(b.roots for b in system.plan.blocks) else 0):
             point = self._computed(system, w, time, p)

@@ -135,7 +135,7 @@ def frequency_response(
 
     def spectrum(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         # one segment per hit, without 0 Hz
-        return signal.csd(a.ravel(), b.ravel(), sample_rate, "boxcar", T, 0, detrend=False)[1][1:]  # pyright: ignore[reportArgumentType]
+        return signal.csd(a.ravel(), b.ravel(), sample_rate, "boxcar", T, 0, detrend=False)[1][1:]
 
     f = np.fft.rfftfreq(T, 1 / sample_rate)[1:]
     GFF, GFx, Gxx = np.real(spectrum(F, F)), spectrum(F, x), np.real(spectrum(x, x))
@@ -303,7 +303,8 @@ def _response(files: Sequence[tuple[str, str]], fit: ModalFitting, paths: Mappin
         if np.ptp(steps) > JITTER * steps[0]:
             raise ArgumentError(f"{name}: the hits of this experiment have different sample rates")
         return frequency_response(
-            forces, responses, 1 / steps[0], measures=measures, estimator=fit.estimator,  # pyright: ignore[reportArgumentType]
+            # pyrefly: ignore[bad-argument-type]
+            forces, responses, 1 / steps[0], measures=measures, estimator=fit.estimator,
             force_window=fit.force_window, decay=fit.decay,
         )  # fmt: skip
     except ArgumentError:

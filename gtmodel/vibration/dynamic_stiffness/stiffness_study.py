@@ -296,7 +296,7 @@ def _checks(
 
 def _coverage_of_truth(field: OscillatorField, synthetic: SyntheticExperiments) -> list[float]:
     """Share of the true logarithms inside the 95 % intervals of the field, before and after inflation."""
-    true = dict(zip("mck", np.log(synthetic.field.at(synthetic.new)), strict=True))
+    true: dict[str, np.ndarray] = dict(zip("mck", np.log(synthetic.field.at(synthetic.new)), strict=True))
     inside = []
     for (d, name), g in field.processes.items():
         mean, std = g.predict(synthetic.new)

@@ -66,8 +66,8 @@ def synthetic_hits(
         B, D = np.array([[0.0], [1 / mass]]), np.array([[0.0], [0.0], [1 / mass]])
         order = ORDER[measures]
         C, D = rows[order : order + 1], D[order : order + 1]
-        step = [np.asarray(a) for a in tuple(signal.cont2discrete((A, B, C, D), t[1], method="foh"))[:4]]  # pyright: ignore[reportArgumentType]
-        numerator, denominator = signal.ss2tf(*step)  # pyright: ignore[reportArgumentType]
+        step = [np.asarray(a) for a in tuple(signal.cont2discrete((A, B, C, D), t[1], method="foh"))[:4]]
+        numerator, denominator = signal.ss2tf(*step)
         x += signal.lfilter(numerator[0], denominator, F, axis=1)
     F, x = F[:, ::FINER], x[:, ::FINER]
     return F, x + noise * rng.standard_normal(x.shape)

@@ -324,7 +324,8 @@ class Prepared:
         if self.setting.late:
             assert p.rates is not None
             groups.append(UnknownGroup("clock", v.get("clock", np.zeros((1, 1))), ["delay"], units=("s",)))
-            sees, data = [("robot", 0), ("clock", 0), ("pose", np.arange(n))], np.column_stack([q, p.rates])
+            sees.insert(1, ("clock", 0))
+            data = np.column_stack([q, p.rates])
         blocks = [
             ResidualBlock(
                 "corners", corner_function(side.pose_size, on_tool),

@@ -69,13 +69,15 @@ def predicted_positions(joint: JointFit, actuators: ArrayLike) -> PredictedPosit
 
 @dataclass(frozen=True, eq=False)
 class PlacedCameras:
-    """One placement with the predicted errors of its calibration; if `predicted` is None, `why` states the reason."""
+    """One placement with its simulated calibration and the errors that this predicts; if `predicted` is None, `why`
+    states the reason."""
 
     baseline: float
     distance: float
     predicted: PredictedPositions | None
     focal_deviation: float = np.nan
     why: str = ""
+    joint: JointFit | None = None
 
 
 def camera_places(
@@ -115,4 +117,4 @@ def _placed(
     names = list(joint.estimate.names)
     focal = f"{pictures.cameras[0]}.fx"
     deviation = float(joint.estimate.std[names.index(focal)]) if focal in names else 0.0
-    return PlacedCameras(baseline, distance, predicted_positions(joint, pictures.actuators), deviation)
+    return PlacedCameras(baseline, distance, predicted_positions(joint, pictures.actuators), deviation, joint=joint)

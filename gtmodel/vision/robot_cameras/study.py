@@ -256,7 +256,8 @@ def places_study(
     work.progress("comparing placements", 0.3)
     compared = camera_places(robot, scene, places or CameraPlaces(), setting)
     best = compared[0]
-    assert best.predicted is not None
+    assert best.predicted is not None and best.joint is not None
+    seen = partial(_in_space, robot, best.joint, best.predicted.positions, best.predicted.covariance)
     checks = {} if accuracy is None else {"best_rms_m": at_most(best.predicted.rms, accuracy, "take more poses")}
     rows = [
         {
@@ -276,6 +277,7 @@ def places_study(
         status=SolveStatus.SOLVED, message=message, title=title, checks=checks, places=rows,
         figures={"workspace": partial(_ellipsoids, best.predicted.positions, best.predicted.covariance, title),
                  "places": partial(_places, rows, title)},
+        scenes={"cameras": partial(seen, f"{title}: baseline {best.baseline:g} m, distance {best.distance:g} m")},
         notes=["predicted from noise alone; model errors, such as bent guideways or a wrong lens model, add to it"],
     )  # fmt: skip
 

@@ -1,6 +1,7 @@
 /* Quadratic programs over a horizon from a file, solved in turn by the generated code and by HPIPM.
  *
- * program FILE REPEATS MODE MU0: one line a problem: iterations, status, cost, CPU time [s] of each (least of the repeats),
+ * program FILE REPEATS MODE MU0 WARM: with WARM above 0, ours begins with the sides in the file, HPIPM with its last solution and
+ * that warm_start. One line a problem: iterations, status, cost, CPU time [s] of each (least of the repeats),
  * first those of the generated code. Tolerances of HPIPM are those of the generated code: complementarity so that its
  * sum over all limits is the allowed gap, and so on.
  */
@@ -14,16 +15,15 @@
 #include <stdlib.h>
 #include <time.h>
 
-/* sizes: defined on the command line: COUNT STATES INPUTS ROWS SOFT LAST_ROWS LAST_SOFT PRODUCTS NUMBERS LAST_NUMBERS TOLERANCE; the soft rows
+/* sizes: defined on the command line: COUNT STATES INPUTS ROWS SOFT LAST_ROWS LAST_SOFT PRODUCTS SIDES NUMBERS LAST_NUMBERS TOLERANCE; the soft rows
  * come first */
 extern int gt_qp_solve(const double *at, double *inputs, const double *data, const double *last, const double *start,
                        double *states, double *kept, double *found);
 
 #define OF_STAGE ((STATES * STATES) + (STATES * INPUTS) + STATES + (STATES * STATES) + (INPUTS * STATES) + (INPUTS * INPUTS) + STATES + INPUTS + (ROWS * (STATES + INPUTS)) + (2 * ROWS) + (2 * SOFT))
 #define AT_END ((STATES * STATES) + STATES + (LAST_ROWS * STATES) + (2 * LAST_ROWS) + (2 * LAST_SOFT))
-#define SIDES 100000
 
-static double data[COUNT * NUMBERS + 1], last[LAST_NUMBERS + 1], stage[COUNT][OF_STAGE], end[AT_END], x0[STATES], constant;
+static double begin[SIDES], data[COUNT * NUMBERS + 1], last[LAST_NUMBERS + 1], stage[COUNT][OF_STAGE], end[AT_END], x0[STATES], constant;
 
 static double seconds(void)
 {
@@ -68,9 +68,12 @@ int main(int argc, char **argv)
     const int repeats = atoi(argv[2]);
     const int mode = atoi(argv[3]);
     double mu0 = atof(argv[4]);
+    int warm = (argc > 5) ? atoi(argv[5]) : 0;
+    const double rest[STATES + INPUTS] = {0.0};
     static double states[(COUNT + 1) * STATES], inputs[COUNT * INPUTS], kept[SIDES];
     int nx[COUNT + 1], nu[COUNT + 1], nbx[COUNT + 1] = {0}, nbu[COUNT + 1] = {0}, ng[COUNT + 1], ns[COUNT + 1];
     int fixed[STATES];
+    int started = 0;
     int k;
     int r;
     double total;
@@ -80,7 +83,7 @@ int main(int argc, char **argv)
     struct d_ocp_qp_ipm_arg arg;
     struct d_ocp_qp_ipm_ws ws;
 
-    if ((argc != 5) || (f == 0)) {
+    if ((argc != 6) || (f == 0)) {
         return 2;
     }
     for (k = 0; k <= COUNT; k++) {
@@ -100,6 +103,7 @@ int main(int argc, char **argv)
     d_ocp_qp_sol_create(&dim, &sol, malloc(d_ocp_qp_sol_memsize(&dim)));
     d_ocp_qp_ipm_arg_create(&dim, &arg, malloc(d_ocp_qp_ipm_arg_memsize(&dim)));
     d_ocp_qp_ipm_arg_set_default((enum hpipm_mode)mode, &arg);
+    d_ocp_qp_sol_set_zero(&sol);
     d_ocp_qp_ipm_ws_create(&dim, &arg, &ws, malloc(d_ocp_qp_ipm_ws_memsize(&dim, &arg)));
     while (fread(x0, sizeof(double), STATES, f) == STATES) {
         double found[5], least[2] = {1e9, 1e9}, allowed, tolerance, cost;
@@ -108,6 +112,7 @@ int main(int argc, char **argv)
         read_numbers(data, COUNT * NUMBERS, f);
         read_numbers(last, LAST_NUMBERS, f);
         read_numbers(&constant, 1, f);
+        read_numbers(begin, SIDES, f);
         for (k = 0; k < COUNT; k++) {
             double *a = stage[k];
 
@@ -140,7 +145,7 @@ int main(int argc, char **argv)
                 inputs[k] = 0.0;
             }
             begun = seconds();
-            status[0] = gt_qp_solve(x0, inputs, data, last, 0, states, kept, found);
+            status[0] = gt_qp_solve(x0, inputs, data, last, (warm > 0) ? begin : 0, states, kept, found);
             least[0] = fmin(least[0], seconds() - begun);
             allowed = TOLERANCE * (1.0 + fabs(found[0]));
             tolerance = allowed / PRODUCTS;
@@ -156,11 +161,20 @@ int main(int argc, char **argv)
             if (mu0 > 0.0) {
                 d_ocp_qp_ipm_arg_set_mu0(&mu0, &arg);
             }
+            k = (started > 0) ? warm : 0;
+            d_ocp_qp_ipm_arg_set_warm_start(&k, &arg);
+            for (k = 0; k <= COUNT; k++) { /* the unknowns are changes of the plan */
+                d_ocp_qp_sol_set_x(k, (double *)rest, &sol);
+                if (k < COUNT) {
+                    d_ocp_qp_sol_set_u(k, (double *)rest, &sol);
+                }
+            }
             begun = seconds();
             d_ocp_qp_ipm_solve(&qp, &sol, &arg, &ws);
             least[1] = fmin(least[1], seconds() - begun);
         }
         d_ocp_qp_ipm_get_status(&ws, &status[1]);
+        started = (status[1] == 0) ? 1 : 0;
         d_ocp_qp_ipm_get_iter(&ws, &iterations);
         cost = constant;
         for (k = 0; k <= COUNT; k++) { /* cost of HPIPM's solution, with the prices of what its rows exceed */

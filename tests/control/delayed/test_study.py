@@ -21,8 +21,14 @@ ROBOT = gt.robots.gantry_tau("l1_tape")
 AT = {"T": [0.5, -0.9, 0.3], "der(T)": 0.0}
 
 
-def test_its_numbers_are_those_of_the_functions() -> None:
-    study = gt.control.delayed_feedback({"x": X, "y": Y}, box=SMALL, path=None)
+@pytest.fixture(scope="module")
+def whole() -> Any:
+    directions, path = [D.OffAxisRun(0.5), D.OffAxisRun(0.8, 0.03, 0.05)], D.SinePath(duration=2.0)
+    return gt.control.delayed_feedback({"x": X, "y": Y}, box=SMALL, off_axis=directions, path=path)
+
+
+def test_its_numbers_are_those_of_the_functions(whole: Any) -> None:
+    study = whole
     assert study.status.ok
     for name, axis in (("x", X), ("y", Y)):
         loop = D.DelayedLoop(axis.plant(D.FeedbackTiming()), CYCLE, LATE)
@@ -230,13 +236,10 @@ def test_no_depth_lies_on_the_frame_of_its_picture(depths: dict[str, float]) -> 
     assert panel.get_ylim()[0] == 0 and panel.get_ylim()[1] > 1.05e3 * max(depths.values())
 
 
-def test_pictures_are_drawn() -> None:
-    directions, path = [D.OffAxisRun(0.5), D.OffAxisRun(0.8, 0.03, 0.05)], D.SinePath(duration=2.0)
-    box = D.FeedbackBox(draws=20)
-    study = gt.control.delayed_feedback({"x": X, "y": Y}, box=box, off_axis=directions, path=path)
-    assert set(study.figures) == {"limits", "box", "runs", "directions"}
-    for name in study.figures:
-        assert study.figure(name).axes
+def test_pictures_are_drawn(whole: Any) -> None:
+    assert set(whole.figures) == {"limits", "box", "runs", "directions"}
+    for name in whole.figures:
+        assert whole.figure(name).axes
 
 
 def test_a_stopped_study_has_the_gain_of_the_axes_that_it_judged() -> None:

@@ -15,7 +15,10 @@ L = gt.control.lead_through
 OK = L.SignTest(None, L.WrenchStatus.OK)
 QUIET = L.SyntheticSensor(mass=0.0, force_noise=0.0, moment_noise=0.0)
 GAINS = L.SurfaceGains()
-SERVOS = [L.ServoChain(), L.ServoChain(delay=0.0055), L.ServoChain(delay=0.0), L.ServoChain(mode_frequency=67.0)]
+SERVOS = [
+    L.ServoChain(delay=0.0055), L.ServoChain(mode_frequency=67.0),
+    *(pytest.param(servo, marks=pytest.mark.proof) for servo in (L.ServoChain(), L.ServoChain(delay=0.0))),
+]  # fmt: skip
 FIVE_PERCENT = 0.05
 
 

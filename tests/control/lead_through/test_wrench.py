@@ -26,7 +26,7 @@ TRUTH_M = dict(
 TRUTH_C = dict(zip(["centre_x", "centre_y", "centre_z"], CENTRE, strict=True))
 TURNS = scipy.spatial.transform.Rotation.random(24, rng=np.random.default_rng(4)).as_matrix()
 ROUNDING = 1e-11
-RUNS = pytest.mark.parametrize("count", [150, pytest.param(400, marks=pytest.mark.proof)])
+RUNS = pytest.mark.parametrize("count", [60, pytest.param(400, marks=pytest.mark.proof)])
 
 
 def readings(turns: np.ndarray, rng: Any = None, mass: float = MASS) -> tuple[np.ndarray, np.ndarray]:

@@ -43,7 +43,7 @@ def test_rates_of_7_28(actuator: int) -> None:
     assert learning.spectral_radius(law.map(T)) < sigma
 
 
-@pytest.mark.parametrize("actuator", range(3))
+@pytest.mark.parametrize("actuator", [0, *(pytest.param(k, marks=pytest.mark.proof) for k in (1, 2))])
 def test_the_rate_rises_with_the_length_of_the_run_to_the_frequency_bound(actuator: int) -> None:
     sizes = [300, 450, 600, 825, 1500, 3000]
     rates = [learning.largest_gain(law.map(T)) for law, T in (case_1(n, actuator) for n in sizes)]
