@@ -15,16 +15,10 @@ static gt_status gt_predictive_init(void *state, const gt_feedback *first)
     gt_law_predictive *law = (gt_law_predictive *)state;
     const gt_robot_plan *plan = (law->model != NULL) ? law->model->plan : NULL;
     uint32_t k;
-    uint32_t n;
 
     if ((plan == NULL) || (law->plan == NULL) || (plan->period_ms != law->cycle_ms) ||
         (law->goals.columns != plan->goals)) {
         return GT_OUT_OF_RANGE;
-    }
-    for (n = 0U; n < law->model->axes; n++) {
-        if (!(law->kp_N_m[n] > 0.0)) {
-            return GT_SINGULAR;
-        }
     }
     law->done = 0U;
     law->refused = 0U;
@@ -33,7 +27,7 @@ static gt_status gt_predictive_init(void *state, const gt_feedback *first)
     for (k = 0U; k < GT_PLAN_AHEAD_MOST; k++) {
         gt_copy(law->predicted_m[k], first->position_m, (int)GT_AXES);
     }
-    return plan->begin(law->plan);
+    return plan->begin(law->plan, law->sends_speed);
 }
 
 /* The references of this cycle: of one row, or of all stages. Those before stay where they cannot be used. */
@@ -63,34 +57,6 @@ static gt_status gt_predictive_goals(gt_law_predictive *law)
     return status;
 }
 
-/* The command by which the servo makes the force of the plan, on average over a cycle of constant acceleration. */
-static void gt_predictive_command(const gt_law_predictive *law, const gt_plan_cycle *cycle, gt_command *command)
-{
-    const double period = (double)law->cycle_ms / 1000.0;
-    uint32_t n;
-
-    command->along_path = 0;
-    for (n = 0U; n < law->model->axes; n++) {
-        const double kp = law->kp_N_m[n];
-        const double kd = law->kd_N_s_m[n];
-        const double speed = cycle->speed_m_s[n] - (cycle->acceleration_m_s2[n] * (period / 2.0));
-        const double position = (cycle->position_m[n] - (cycle->speed_m_s[n] * (period / 2.0))) +
-                                (cycle->acceleration_m_s2[n] * ((period * period) / 6.0));
-        const double before = command->position_m[n];
-
-        if (law->sends_speed) {
-            /* the speed that is sent is the way from the command before over the period */
-            const double rate = kd / period;
-            const double wanted = (cycle->force_N[n] + (kp * position)) + (kd * speed);
-
-            command->position_m[n] = (wanted + (((kp / 2.0) + rate) * before)) / ((1.5 * kp) + rate);
-        } else {
-            command->position_m[n] = position + ((cycle->force_N[n] + (kd * speed)) / kp);
-        }
-        command->speed_m_s[n] = cycle->speed_m_s[n];
-    }
-}
-
 /* One cycle of the plan; position_m: the reading, or NULL. */
 static gt_status gt_predictive_run(gt_law_predictive *law, const double *position_m, gt_command *command)
 {
@@ -107,7 +73,7 @@ static gt_status gt_predictive_run(gt_law_predictive *law, const double *positio
     if (status != GT_OK) {
         return status;
     }
-    status = plan->step(law->plan, position_m, law->goal, &cycle);
+    status = plan->step(law->plan, position_m, command->position_m, law->goal, &cycle);
     if (status != GT_OK) {
         numbers[GT_PLAN_FAILED] += (status != GT_STALE_INPUT) ? 1.0 : 0.0;
         numbers[GT_PLAN_LOST] += (status == GT_STALE_INPUT) ? 1.0 : 0.0;
@@ -122,8 +88,10 @@ static gt_status gt_predictive_run(gt_law_predictive *law, const double *positio
     for (n = 0U; n < law->model->axes; n++) {
         numbers[GT_PLAN_FORCE + n] = cycle.force_N[n];
         ahead[n] = cycle.position_m[n];
+        command->position_m[n] = cycle.command_m[n];
+        command->speed_m_s[n] = cycle.speed_m_s[n];
     }
-    gt_predictive_command(law, &cycle, command);
+    command->along_path = 0;
     law->done++;
     return GT_OK;
 }

@@ -1,8 +1,8 @@
 /* Law: an optimum over a horizon, solved anew in each cycle by a generated step function (gt_robot_plan).
  *
  * The plan gives the force of a cycle, and positions and speeds at its end. The protocols take no forces: a servo
- * F = kp (u - q) + kd (du - dq) makes that force on average over the cycle by the command that this law sends. Drives
- * that follow positions whatever the force, without a servo that is known, are no plant of such a plan: readings of
+ * F = kp (u - q) + kd (du - dq), which the step function knows, makes that force on average over the cycle by the
+ * command that this law sends. Drives that follow positions whatever the force are no plant of such a plan: readings of
  * positions that were commanded say nothing about forces.
  *
  * In a cycle without a datagram, or with a reading that cannot be used, the plan moves on by one period. A row of goals
@@ -26,8 +26,6 @@ typedef struct gt_law_predictive {
     int sends_speed; /* the protocol carries speeds */
     uint32_t cycle_ms;
     uint32_t hold_cycles;
-    double kp_N_m[GT_AXES];
-    double kd_N_s_m[GT_AXES];
     uint64_t done;     /* cycles of the plan so far */
     uint32_t refused;  /* rows of goals in a row */
     gt_status over;    /* why there is no plan any more */

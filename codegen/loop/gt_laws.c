@@ -39,8 +39,6 @@ int gt_laws_choose(gt_laws *laws, const gt_arguments *arguments, const gt_laws_t
     laws->predictive.sends_speed = laws->dynamics.sends_speed;
     laws->predictive.cycle_ms = arguments->cycle_ms;
     laws->predictive.hold_cycles = arguments->hold_cycles;
-    gt_copy(laws->predictive.kp_N_m, arguments->kp_N_m, (int)GT_AXES);
-    gt_copy(laws->predictive.kd_N_s_m, arguments->kd_N_s_m, (int)GT_AXES);
     if ((strcmp(arguments->law, "lead_through") == 0) && (tables->gains.rows != NULL)) {
         *law = gt_law_lead_through_of(&laws->lead_through);
     } else if (tables->reference.rows == NULL) {

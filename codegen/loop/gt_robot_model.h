@@ -15,12 +15,13 @@ extern "C" {
 #define GT_PLAN_GOALS_MOST 1024U /* numbers of all rows */
 #define GT_PLAN_AHEAD_MOST 17U   /* cycles */
 
-/* One cycle of a predictive controller: force of the cycle, and carts at its end, all after the delay. */
+/* One cycle of a predictive controller: the command that is sent; after the delay, force of the cycle, and carts at its
+ * end. Of joints [N m, rad, rad/s]. */
 typedef struct gt_plan_cycle {
+    double command_m[6];
     double force_N[6];
     double position_m[6];
     double speed_m_s[6];
-    double acceleration_m_s2[6];
     double cost;
     double residual;
     double active; /* bits of the limits that are active in the plan */
@@ -37,9 +38,10 @@ typedef struct gt_robot_plan {
     uint32_t period_ms;
     uint32_t stage_ms;
     uint32_t delay;     /* cycles */
-    gt_status (*begin)(void *state);
-    /* one cycle; position_m: the reading, or NULL */
-    gt_status (*step)(void *state, const double *position_m, const double *goals, gt_plan_cycle *cycle);
+    gt_status (*begin)(void *state, int sends_speed);
+    /* one cycle; position_m: the reading, or NULL; before_m: the last command */
+    gt_status (*step)(void *state, const double *position_m, const double *before_m, const double *goals,
+                      gt_plan_cycle *cycle);
 } gt_robot_plan;
 
 typedef struct gt_robot_model {

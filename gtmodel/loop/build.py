@@ -16,6 +16,7 @@ from ..cgen import GenerationError
 from ..cgen.manifest import changed_files, lacks, read, sha256
 from ..compiler.toolchain import STANDARD, WARNINGS, exposed, find
 from ..results.folder import unfinished
+from .plant import Servo
 
 ADAPTER = "gt_loop_model.c"
 PROGRAM = "gt_loop"
@@ -153,11 +154,13 @@ class GeneratedPlan:
 
     goals: (signal, member, size) of the references of one stage. rows: stages with references of their own, and the
     end, or 1. stage_ms: length of a stage [ms]. limits: names, in the order of the bits that the law logs.
-    fastest_servo: up to which the loop is stable near the targets [rad/s]; None: unknown.
+    bounds: lower and upper limits of references, None: no limit.
+    servo: that the controller knows. radius: spectral radius of a cycle near the targets under it.
     """
 
     symbol: str
     reading: str
+    before: str
     outputs: Mapping[str, str]
     goals: Sequence[tuple[str, str, int]]
     rows: int
@@ -167,7 +170,9 @@ class GeneratedPlan:
     limits: Sequence[str]
     max_iterations: int
     scalars: frozenset[str]
-    fastest_servo: float | None = None
+    servo: Servo
+    radius: float
+    bounds: Mapping[str, Sequence[Sequence[float | None]]]
 
     @property
     def columns(self) -> int:
@@ -179,15 +184,15 @@ GOALS_MOST, AHEAD_MOST = 1024, 17  # of gt_robot_model.h
 
 
 def plan_of(content: Mapping[str, Any], axes: int) -> GeneratedPlan | None:
-    """Return the first predictive controller of a manifest that reads the axes and returns what a loop sends."""
+    """Return the first predictive controller of a manifest that reads the axes and commands their servo."""
     for step in content.get("steps", ()):
         facts = step["facts"]
-        readings = [m for m in step["inputs"] if not m["signal"].endswith(".goal")]
-        if "limits" not in facts or len(readings) != 1 or readings[0]["count"] != axes:
+        readings = [m for m in step["inputs"] if not m["signal"].endswith((".goal", ".before"))]
+        before = [m["member"] for m in step["inputs"] if m["signal"].endswith(".before")]
+        if "stiffness" not in facts or len(readings) != 1 or readings[0]["count"] != axes:
             continue
         q = readings[0]["signal"]
-        wanted = {"position_m": q, "speed_m_s": f"der({q})", "acceleration_m_s2": f"der({q},2)",
-                  "force_N": f"{q[:-1]}tau"}  # fmt: skip
+        wanted = {"command_m": f"{q}.command", "position_m": q, "speed_m_s": f"der({q})", "force_N": f"{q[:-1]}tau"}
         given = {m["signal"]: m["member"] for m in step["outputs"] if m["count"] == axes}
         rows = facts["stages"] + 1 if facts["preview"] else 1
         goals = [(m["signal"].removesuffix(".goal"), m["member"], m["count"] // rows) for m in step["inputs"]
@@ -197,10 +202,11 @@ def plan_of(content: Mapping[str, Any], axes: int) -> GeneratedPlan | None:
         fits = set(wanted.values()) <= set(given) and rows * sum(g[2] for g in goals) <= GOALS_MOST and goals
         if q.endswith("q") and fits and whole and facts["delay"] < AHEAD_MOST:
             return GeneratedPlan(
-                step["symbol"], readings[0]["member"], {k: given[v] for k, v in wanted.items()}, goals, rows,
+                step["symbol"], readings[0]["member"], before[0], {k: given[v] for k, v in wanted.items()}, goals, rows,
                 round(times[0]), round(times[1]) if facts["preview"] else 0, facts["delay"], facts["limits"],
                 facts["max_iterations"], frozenset(m["member"] for m in step["inputs"] if m["count"] == 1),
-                facts.get("fastest_servo_rad_s"),
+                Servo(tuple(facts["stiffness"]), tuple(facts["damping"])), facts["spectral_radius"],
+                facts.get("bounds", {}),
             )  # fmt: skip
     return None
 
@@ -225,14 +231,16 @@ def _plan_text(plan: GeneratedPlan, real: str) -> str:
         else ""
     )
     return (
-        "static gt_status gt_loop_model_begin(void *state)\n{\n"
+        "static gt_status gt_loop_model_begin(void *state, int sends_speed)\n{\n"
         f"    {symbol}_start start;\n\n    {symbol}_defaults(&start);\n"
+        "    start.speeds = (sends_speed != 0) ? 1.0 : 0.0;\n"
         f"    return {symbol}_init(({symbol}_state *)state, &start);\n}}\n\n"
-        "static gt_status gt_loop_model_step(void *state, const double *position_m, const double *goals, "
-        "gt_plan_cycle *cycle)\n{\n"
+        "static gt_status gt_loop_model_step(void *state, const double *position_m, const double *before_m, "
+        "const double *goals, gt_plan_cycle *cycle)\n{\n"
         f"    {symbol}_in in;\n    {symbol}_out out;\n    gt_status status;\n    int row;\n    int k;\n\n"
         f"    for (k = 0; k < (int)({axes}); k++) {{\n"
-        f"        in.{plan.reading}[k] = (position_m != NULL) ? {narrow}position_m[k] : {narrow}NAN;\n    }}\n"
+        f"        in.{plan.reading}[k] = (position_m != NULL) ? {narrow}position_m[k] : {narrow}NAN;\n"
+        f"        in.{plan.before}[k] = {narrow}before_m[k];\n    }}\n"
         f"    for (row = 0; row < {plan.rows}; row++) {{\n{''.join(lines)}    }}\n"
         f"    status = {symbol}_step(({symbol}_state *)state, &in, &out);\n    if (status == GT_OK) {{\n"
         f"        for (k = 0; k < (int)({axes}); k++) {{\n{results}        }}\n"

@@ -28,14 +28,22 @@ class Disturbances(Options):
     """
 
     delay: Annotated[int, Within(least=0, most=100), "cycles until a command acts; brakes hold until the first"] = 0
-    noise: Annotated[float, Unit("m"), Within(least=0.0), "standard deviation of a reading of an axis"] = 0.0
+    noise: Annotated[
+        float, Unit("m"), Within(least=0.0), "standard deviation of a reading of an axis; of joints in rad"
+    ] = 0.0
     seed: Annotated[int, Within(least=0), "of the noise"] = 1
-    drift: Annotated[float, Unit("N/s"), Within(), "rate of an unknown force at each servo"] = 0.0
+    drift: Annotated[float, Unit("N/s"), Within(), "rate of an unknown force at each servo; of joints in N m/s"] = 0.0
     force_limit: Annotated[
-        float | None, Unit("N"), Within(above=0.0), "largest force of the motors of the servo; unlimited if left out"
+        float | None,
+        Unit("N"),
+        Within(above=0.0),
+        "largest force of the motors of the servo, of joints in N m; unlimited if left out",
     ] = None
     force_margin: Annotated[
-        float | None, Unit("N"), Within(least=0.0), "how much more the servo may ask for with law predictive: a check"
+        float | None,
+        Unit("N"),
+        Within(least=0.0),
+        "how much more the servo may ask for with law predictive, of joints in N m: a check",
     ] = None
 
     def around(self, plant: Plant, servo: Servo, cycle_s: float) -> DisturbedPlant:

@@ -261,13 +261,13 @@ def study(
                     peer, law, robot, forward, program, place, table, cycles, in_lockstep, elastic, lost, work, plant,
                     following_m=following, disturbances=disturbances or Disturbances(),
                 )  # fmt: skip
-                if planning is not None:
-                    bench = replace(bench, goals=_goals(planning, table, bench.axes))
                 if joints:
                     bench = replace(bench, servo=joint_servo(robot, bench.carts_m[0]))
+                if planning is not None:
+                    bench = replace(bench, goals=_goals(planning, table, bench.axes), servo=planning.servo)
                 if known is not None:
                     _check_start(known, bench)
-                    bench = replace(bench, servo=known.servo or bench.servo)
+                    bench = replace(bench, servo=_agreed(known.servo, planning) or bench.servo)
                 outcome = _compared(bench, _title_of(known, law), work.title, planning)
         except LoopError as error:
             outcome = LoopStudy(status=SolveStatus.FAILED, message=str(error), title=work.title)
@@ -324,6 +324,19 @@ def _check_start(known: PlantStart, bench: Bench) -> None:
         )
 
 
+def _agreed(servo: Servo | None, planning: GeneratedPlan | None) -> Servo | None:
+    """The servo of a plant. Raises ArgumentError if a predictive controller was made for another one."""
+    for name in ("kp_N_m", "kd_N_s_m"):
+        if planning is not None and np.any(np.not_equal(getattr(servo, name), getattr(planning.servo, name))):
+            key, known = ("stiffness", "kp_N_m") if name == "kp_N_m" else ("damping", "kd_N_s_m")
+            made = ", ".join(dict.fromkeys(f"{g:g}" for g in getattr(planning.servo, known)))
+            raise ArgumentError(
+                f"the servo of the plant has {getattr(servo, name):g}, but the predictive controller was made for "
+                f"{made}: give both the same {key}, and generate the folder again", f"plant.{key}",
+            )  # fmt: skip
+    return servo
+
+
 def _title_of(known: PlantStart | None, law: str) -> str:
     """Return the name of the plant."""
     if known is None:
@@ -337,8 +350,8 @@ def _planning(folder: Path, axes: int, joints: bool) -> GeneratedPlan:
     plan = plan_of(content, axes)
     if plan is None or plan.period_ms != CYCLE_MS:
         raise ArgumentError(
-            f"the folder has no predictive controller with a period of {CYCLE_MS} ms that measures q alone and returns "
-            "q, der(q), der(q,2) and tau; add such a table [[predictive]] to the problem", "folder",
+            f"the folder has no predictive controller with a period of {CYCLE_MS} ms that measures q alone and "
+            "commands its servo, which makes tau; add such a table [[predictive]] with servo to the problem", "folder",
         )  # fmt: skip
     if "gt_loop_model_inverse_dynamics" not in adapter(content, axes, joints):
         known = "q" if joints else "T"
@@ -352,6 +365,16 @@ def _goals(plan: GeneratedPlan, table: ReferenceTable, axes: int) -> ReferenceTa
         raise ArgumentError(
             f"a reference has no '{rows}', which the predictive controller takes as a goal", "reference"
         )
+    first = 0
+    for name, _, size in plan.goals:
+        values, first = rows[:, first : first + size], first + size
+        low, high = (np.array(side, float) for side in plan.bounds.get(name, ([None], [None])))  # None: nan
+        if len(bad := np.argwhere((values < low) | (values > high))):
+            k, axis = bad[0]
+            raise ArgumentError(
+                f"at {1e-3 * table.step_ms * k:g} s its {name} is {values[k, axis]:.4g}, outside the limits that the "
+                "predictive controller was given; move the one or the other", "reference",
+            )  # fmt: skip
     return ReferenceTable(rows, table.step_ms)
 
 

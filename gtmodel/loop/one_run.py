@@ -258,7 +258,7 @@ def _plant(bench: Bench) -> Plant:
     if bench.law in WITH_SERVO:
         forward = compile_causal(bench.robot, known="tau", targets="der(T,2)", prefer="T")
         velocity = compile_causal(bench.robot, known="T", targets=["q", "der(q)"])
-        return RigidBodyPlant(forward, velocity, bench.tcp_m[0].tolist(), Servo(), CYCLE_MS / 1000.0)
+        return RigidBodyPlant(forward, velocity, bench.tcp_m[0].tolist(), bench.servo, CYCLE_MS / 1000.0)
     drives = drives_of(bench.axes)
     return DrivePlant(start.tolist(), drives["a"], drives["b"], drives["delay"])
 
@@ -284,20 +284,15 @@ JOINT_RATE = 150.0  # rad/s: natural frequency of the servo of each joint, with 
 JOINT_DAMPING = 1.0  # of the servo
 
 
-def inertia_of(robot: Model, q: np.ndarray) -> np.ndarray:
-    """Return the inertia of each axis at q (n,), with the others held."""
+def joint_servo(robot: Model, q: np.ndarray) -> Servo:
+    """Return a servo of the joints, by the diagonal of the mass matrix at q (n,) [rad]."""
     n = len(q)
     inverse = compile_causal(robot, known="q", targets="tau")
     rows = np.vstack([np.zeros(n), np.eye(n)])
     tau, status = inverse(np.tile(q, (n + 1, 1)), np.zeros((n + 1, n)), rows)
     if np.any(status != Status.OK):
         raise LoopError("the torques at the start of the reference cannot be computed")
-    return np.diag(tau[1:] - tau[0])
-
-
-def joint_servo(robot: Model, q: np.ndarray) -> Servo:
-    """Return a servo of the joints, by the diagonal of the mass matrix at q (n,) [rad]."""
-    inertia = inertia_of(robot, q)
+    inertia = np.diag(tau[1:] - tau[0])
     return Servo(tuple((JOINT_RATE**2 * inertia).tolist()), tuple((2 * JOINT_DAMPING * JOINT_RATE * inertia).tolist()))
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from .._lazy import hint
 from ..cgen.real import DOUBLE
 from ..cgen.steps.function import record
-from ..predictive.closed_loop import servo_command
 from ..results.refusal import ArgumentError
 from ..results.status import Status
 from .exchange import AXES, Command, RobotFeedback
@@ -38,11 +37,11 @@ FORCE = PREDICTED + AXES
 class PredictiveLaw:
     """Law that follows the plan of a predictive controller, which reads the positions of the axes.
 
-    controller: measures one variable q, and returns q, der(q) and der(q,2) among its outputs, and the forces tau.
-    goals: a row holds the references of one stage. kp_N_m, kd_N_s_m: the servo of each axis, which makes the forces.
-    sends_speed: the servo also receives speeds. `numbers` stand in the log; the C version is gt_law_predictive.h.
+    controller: measures one variable q, and commands a servo, which makes the forces tau. goals: a row holds the
+    references of one stage. sends_speed: the servo also receives speeds. `numbers` stand in the log; the C version is
+    gt_law_predictive.h.
 
-    Raises ArgumentError if the controller does not return these.
+    Raises ArgumentError for another controller.
     """
 
     reads_wrenches: ClassVar[bool] = False
@@ -52,23 +51,25 @@ class PredictiveLaw:
     sends_speed: bool
     cycle_ms: int
     hold_cycles: int
-    kp_N_m: list[float]
-    kd_N_s_m: list[float]
     numbers: list[float] = field(default_factory=lambda: [0.0] * len(PLAN_COLUMNS))
 
     def __post_init__(self) -> None:
         law = self.controller
         first = law.readings[0].name
-        self._names = {"position": first, "speed": f"der({first})", "acceleration": f"der({first},2)",
-                       "force": f"{first[:-1]}tau"}  # fmt: skip
+        names = {
+            "command": f"{first}.command",
+            "position": first,
+            "speed": f"der({first})",
+            "force": f"{first[:-1]}tau",
+        }
         given = {k.name: k.identifier for k in law.outputs}
-        missing = [name for name in self._names.values() if name not in given]
+        missing = [name for name in names.values() if name not in given]
         if len(law.readings) != 1 or law.readings[0].count != self.axes or missing:
             raise ArgumentError(
-                f"expected a controller that measures {self.axes} positions and returns {', '.join(missing)} too",
-                "controller",
-            )
-        self._names = {key: given[name] for key, name in self._names.items()}
+                f"expected a controller that measures {self.axes} positions, commands a servo, and returns "
+                f"{', '.join(missing)} too", "controller",
+            )  # fmt: skip
+        self._names = {key: given[name] for key, name in names.items()}
         horizon = law.program.horizon
         self._rows = horizon.stages + 1 if horizon.preview else 1
         self._stage_ms, self._delay = round(1e3 * horizon.stage), horizon.delay
@@ -78,11 +79,10 @@ class PredictiveLaw:
     def init(self, first: RobotFeedback) -> Status:
         if self.goals.rows.shape[1] != sum(k.count for k in self.controller.goals) // self._rows:
             return Status.OUT_OF_RANGE
-        if not all(kp > 0.0 for kp in self.kp_N_m[: self.axes]):
-            return Status.SINGULAR
         self._done, self._refused, self._over = 0, 0, Status.OK
         self._predicted = [list(first.position_m) for _ in range(self._delay + 1)]
-        return self._twin.init(self._state, record(self.controller.start, DOUBLE, dict(self.controller.defaults)))
+        start = {**self.controller.defaults, "speeds": float(self.sends_speed)}
+        return self._twin.init(self._state, record(self.controller.start, DOUBLE, start))
 
     def step(self, feedback: RobotFeedback, elapsed_ms: int, command: Command) -> Status:
         now, status = elapsed_ms // self.cycle_ms, Status.OK
@@ -126,7 +126,8 @@ class PredictiveLaw:
             return status
         inputs, outputs, place = record(law.inputs, DOUBLE), record(law.outputs, DOUBLE), 0
         reading = np.full(self.axes, np.nan) if position_m is None else np.array(position_m)
-        inputs[law.readings[0].identifier] = reading.reshape(inputs[law.readings[0].identifier].shape)
+        for k, values in ((law.readings[0], reading), (law.before[0], np.array(command.position_m[: self.axes]))):
+            inputs[k.identifier] = values.reshape(inputs[k.identifier].shape)
         for k in law.goals:
             own = k.count // self._rows
             values = self._goal[:, place : place + own]
@@ -144,17 +145,7 @@ class PredictiveLaw:
         cycle = {key: np.reshape(outputs[name], -1).tolist() for key, name in self._names.items()}
         numbers[FORCE : FORCE + self.axes] = cycle["force"]
         self._predicted[slot][: self.axes] = cycle["position"]
-        self._command(cycle, command)
+        command.along_path = False
+        command.position_m[: self.axes], command.speed_m_s[: self.axes] = cycle["command"], cycle["speed"]
         self._done += 1
         return Status.OK
-
-    def _command(self, cycle: dict[str, list[float]], command: Command) -> None:
-        """The servo makes the force of the plan, on average over a cycle of constant acceleration."""
-        period = self.cycle_ms / 1000.0
-        command.along_path = False
-        for n in range(self.axes):
-            q, dq, ddq, force = (cycle[key][n] for key in ("position", "speed", "acceleration", "force"))
-            command.position_m[n] = servo_command(
-                force, q, dq, ddq, command.position_m[n], self.kp_N_m[n], self.kd_N_s_m[n], period, self.sends_speed
-            )
-            command.speed_m_s[n] = dq

@@ -11,7 +11,6 @@ import numpy as np
 from ..results import Check, Quantity, Row, at_least, at_most
 from ..results.study import to_inherit
 from .loop_result import LoopStudy
-from .one_run import inertia_of
 from .predictive_law import PLAN_COUNTERS
 from .process import COLUMNS, rows_of
 
@@ -28,13 +27,18 @@ OFFSET_MM = 0.1  # largest offset at rest
 class PredictiveLoop(LoopStudy):
     """Two runs of the loop on the same motion: computed torque, and an optimum in every cycle.
 
-    Forces are those that the servo asks for; motors saturate at the limit. active: share of the cycles in whose plan a
-    limit is active, by its name.
+    Forces, and torques of joints, are those that the servo asks for; motors saturate at the limit. active: share of the
+    cycles in whose plan a limit is active, by its name.
     """
 
     force_limit: Annotated[float | None, Quantity("N", "largest force of the motors; null: unlimited")] = None
-    force_planned: Annotated[float, Quantity("N", "largest force of a plan")] = 0.0
+    force_planned: Annotated[float | None, Quantity("N", "largest force of a plan; null: joints")] = None
     force_asked: Annotated[Sequence[float], Quantity("N", "largest force that the servo asked for, per run")] = ()
+    torque_limit: Annotated[float | None, Quantity("N.m", "of joints: largest torque; null: unlimited")] = None
+    torque_planned: Annotated[float | None, Quantity("N.m", "of joints: largest torque of a plan; null: carts")] = None
+    torque_asked: Annotated[
+        Sequence[float], Quantity("N.m", "of joints: largest torque that the servo asked for, per run")
+    ] = ()
     beyond: Annotated[Sequence[float], Quantity("1", "share of the forces asked for beyond the limit, per run")] = ()
     offset: Annotated[
         Sequence[float | None], Quantity("mm", "largest mean error of T where the reference rests, per run")
@@ -48,41 +52,36 @@ class PredictiveLoop(LoopStudy):
     unread: Annotated[int, Quantity("", "cycles without a usable reading, in which the plan was followed")] = 0
     refused: Annotated[int, Quantity("", "rows of goals that could not be used")] = 0
     skipped: Annotated[int, Quantity("", "cycles of the robot that the loop did not go through")] = 0
-    servo_rate: Annotated[float | None, Quantity("rad/s", "largest natural frequency of the servo of an axis")] = None
-    servo_rate_stable: Annotated[
-        float | None, Quantity("rad/s", "up to which servos of damping 0.5 to 1 leave the loop stable at rest")
-    ] = None
+    spectral_radius: Annotated[
+        float, Quantity("1", "spectral radius of a cycle near the targets, under the servo; below 1 the loop settles")
+    ] = 0.0
 
     @property
     def rows(self) -> list[Row]:
         """The table for people."""
-        if not self.runs or not self.force_asked:
+        what, unit = ("force", "N") if self.force_asked else ("torque", "N.m")
+        asked_for, planned, limit = (
+            (self.force_asked, self.force_planned, self.force_limit)
+            if self.force_asked
+            else (self.torque_asked, self.torque_planned, self.torque_limit)
+        )
+        if not self.runs or not asked_for:
             return super().rows
         rows = super().rows
-        for run, asked, beyond, offset in zip(self.runs, self.force_asked, self.beyond, self.offset, strict=True):
-            rows.append(Row(f"{run['label']}: largest force asked for", asked, "N"))
-            if self.force_limit is not None:
-                rows.append(Row(f"{run['label']}: forces beyond {self.force_limit:g} N", 100 * beyond, "%"))
+        for run, asked, beyond, offset in zip(self.runs, asked_for, self.beyond, self.offset, strict=True):
+            rows.append(Row(f"{run['label']}: largest {what} asked for", asked, unit))
+            if limit is not None:
+                rows.append(Row(f"{run['label']}: {what}s beyond {limit:g} {unit}", 100 * beyond, "%"))
             if offset is not None:
                 rows.append(Row(f"{run['label']}: offset at rest", offset, "mm"))
         active = sorted(self.active.items(), key=lambda entry: -entry[1])
         counted = (self.unsolved, self.unread, self.refused, self.skipped)
         return [
             *rows,
-            Row("largest force of a plan", self.force_planned, "N"),
+            Row(f"largest {what} of a plan", planned, unit),
             Row("measured minus predicted, rms", self.prediction_error, "mm"),
             Row("iterations: mean, largest", f"{self.iterations_mean:.1f} {self.iterations_largest}"),
-            *(
-                []
-                if self.servo_rate is None
-                else [
-                    Row(
-                        "servo of an axis: fastest, stable up to",
-                        f"{self.servo_rate:.3g} {self.servo_rate_stable:.3g}",
-                        "rad/s",
-                    )
-                ]
-            ),
+            Row("spectral radius of a cycle near the targets", self.spectral_radius),
             Row("largest KKT residual", self.kkt_residual),
             Row("limits active in the plan", ", ".join(f"{name} {100 * s:.0f} %" for name, s in active if s) or "none"),
             Row("cycles unsolved, unread, goals refused, cycles skipped", " ".join(map(str, counted))),
@@ -117,8 +116,9 @@ def quantities(bench: Bench, runs: Sequence[OneRun], plan: GeneratedPlan) -> tup
     asked = [float(np.abs(one.forces_N).max(initial=0.0)) for one in runs]
     beyond = [float(np.mean(np.abs(one.forces_N) > (limit or np.inf))) if one.forces_N.size else 0.0 for one in runs]
     offsets = [_offset_mm(bench, one) for one in runs]
+    what, largest = "torque" if bench.joints else "force", float(planned.max(initial=0.0))
     numbers: dict[str, Any] = {
-        "force_limit": limit, "force_planned": float(planned.max(initial=0.0)), "force_asked": asked, "beyond": beyond,
+        f"{what}_limit": limit, f"{what}_planned": largest, f"{what}_asked": asked, "beyond": beyond,
         "offset": offsets, "prediction_error": 1e3 * float(np.sqrt(np.mean(missed**2))) if missed.size else 0.0,
         "iterations_mean": float(np.mean(took[:, COLUMNS.index("iterations")])) if len(took) else 0.0,
         "iterations_largest": int(at["iterations"].max(initial=0)),
@@ -130,20 +130,18 @@ def quantities(bench: Bench, runs: Sequence[OneRun], plan: GeneratedPlan) -> tup
     checks = dict[str, Check]()
     if limit is not None:
         advice = "the plan asks for more than the motors have: lower the limits of the controller"
-        checks["planned_force"] = at_most(numbers["force_planned"], limit, advice)
+        checks[f"planned_{what}"] = at_most(largest, limit, advice)
     margin = bench.disturbances.force_margin
     if limit is not None and margin is not None:
         advice = "give the controller a lower limit, or the servo a softer damping"
-        checks["asked_force"] = at_most(asked[-1], limit + margin, advice)
+        checks[f"asked_{what}"] = at_most(asked[-1], limit + margin, advice)
     if offsets[-1] is not None:
         advice = "the controller does not hold the goal: let it estimate a disturbance of each input"
         checks["offset_at_rest"] = at_most(offsets[-1], OFFSET_MM, advice)
-    if plan.fastest_servo is not None:
-        inertia = inertia_of(bench.robot, bench.carts_m[0])
-        numbers["servo_rate"] = float(np.sqrt(np.max(np.broadcast_to(bench.servo.kp_N_m, axes) / inertia)))
-        numbers["servo_rate_stable"] = plan.fastest_servo
-        advice = "the filter of the controller knows no servo: give its readings a larger deviation"
-        checks["servo_rate"] = at_most(numbers["servo_rate"], plan.fastest_servo, advice)
+    numbers["spectral_radius"] = plan.radius
+    checks["spectral_radius"] = at_most(
+        plan.radius, 1.0, "the loop does not settle: give more stages, or a cost after the horizon"
+    )
     checks["solved_cycles"] = at_least(1.0 - counted[0] / max(1, len(took)), 0.99, "raise max_iterations")
     return numbers, checks
 

@@ -2,7 +2,7 @@
 
 controller       a model of components as a predictive controller, in Python, as a sampled block, and in C
 Controller, ControllerRun, CycleResult    the controller, a running instance, and the result of one cycle
-ControlHorizon, Measurement    stages, period and delay; the noise of a measured variable
+ControlHorizon, Measurement, AxisServo    stages, period and delay; the noise of a measured variable; the servo of axes
 ConvergedPlan    the optimum that the cycles approach
 HorizonStage, LimitedRow       one stage of a horizon: step, quadratic cost, and rows with limits, as CasADi expressions
 StageQP          the quadratic program of a horizon: an interior point method that exploits its stages
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     )
     from .controller_qp import ControllerQP as ControllerQP
     from .converged import ConvergedPlan as ConvergedPlan
-    from .options import ControlHorizon as ControlHorizon, Measurement as Measurement
+    from .options import AxisServo as AxisServo, ControlHorizon as ControlHorizon, Measurement as Measurement
     from .stage import HorizonStage as HorizonStage, LimitedRow as LimitedRow
     from .stage_qp import StageQP as StageQP, StageSolution as StageSolution
 

@@ -35,6 +35,11 @@ def _plain(name: str) -> str:
 
 def block_of(law: Controller) -> type[SampledBlock]:
     """The class of `Controller.block`; the state of a cycle is one vector."""
+    if law.servo is not None:
+        raise ArgumentError(
+            "a block gives the inputs of the plant, but this controller commands a servo: make it without one, or run "
+            "it by gt.loop.study", "servo",
+        )  # fmt: skip
     states = law.program.statement.states if law.program.observer is None else []
     readings = {s.name: _plain(s.name) for s in states} or {k.name: _plain(k.name) for k in law.readings}
     goals = {k.name.removesuffix(".goal"): _plain(k.name) for k in law.goals}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
 from typing import Annotated, Any
@@ -18,17 +18,19 @@ from ..lang.events import SampledBlock
 from ..lang.model import Model
 from ..lang.source import ModelError
 from ..results.agreement import Within, agree
-from ..results.refusal import ArgumentError
+from ..results.refusal import ArgumentError, naming
 from ..results.status import Status
 from .block import block_of, closed_loop
-from .closed_loop import LinearCycle, joint_places
+from .closed_loop import LinearCycle
 from .converged import ConvergedPlan, converged
 from .cycle import CycleTwin, kernels_of, text_of
 from .discretised import Discretised
-from .options import ControlHorizon, Measurement, numbers
+from .options import AxisServo, ControlHorizon, Measurement, numbers
+from .servo import axis_signals
 from .statement import Reader, Wishes
 
 PRICE = (1e3, 1e3)  # of a soft limit, by its size
+OUTSIDE = 1e-6  # of a limit, by its size: rest at the targets is found to 1e-7
 SPREAD, MISSING = 0.02, 0.1  # of examples: relative to the typical numbers; share with a number that is not finite
 
 
@@ -43,6 +45,7 @@ def controller(
     prices: Mapping[str, Any] | None = None,
     measured: Mapping[str, Measurement] | None = None,
     disturbance: Mapping[str, float] | None = None,
+    servo: AxisServo | None = None,
     outputs: Sequence[str] = (),
     prefer: Sequence[str] = (),
     branches: Mapping[str, int] | None = None,
@@ -69,6 +72,8 @@ def controller(
         measured: variable -> its noise, variables that the inputs do not change at once. Left out: all states.
         disturbance: input -> standard deviation of its random change in one second, in its unit. An offset of each
             input is then estimated, so that no error remains at rest (Pannocchia, Rawlings 2003, AIChE J. 49, 426-437).
+        servo: the plant takes positions, and this servo makes the forces; the controller predicts with it, and returns
+            the position to command. It then also returns position, speed and acceleration of the axes.
         outputs: further variables to return, at the end of the present period if no delay is declared.
         prefer, branches: as for `causal`.
 
@@ -99,6 +104,10 @@ def controller(
     for name, value in (measured or {}).items():
         if not isinstance(value, Measurement):
             raise ArgumentError(f"expected gt.predictive.Measurement(...); found {value!r}", f"measured.{name}")
+    agree(servo, AxisServo | None, "servo")
+    if servo is not None:
+        axes = [name for q in measured or {} for name in axis_signals(q)]
+        outputs = [*outputs, *(name for name in axes if name not in outputs)]
     wishes = Wishes(
         dict(tolerances or {}), dict(targets or {}), list(references), dict(measured or {}), dict(limits or {}),
         list(outputs), list(prefer), dict(branches or {}),
@@ -113,11 +122,26 @@ def controller(
                 raise
             reasons.append(f"{form} form: {error}")
             continue
-        program = Discretised(statement, horizon, wishes.measured, dict(disturbance or {}), dict(prices or {}), PRICE)
+        program = Discretised(statement, horizon, wishes.measured, dict(disturbance or {}), dict(prices or {}), PRICE,
+                              servo)  # fmt: skip
         programs.append(program)
         reasons.append(f"{form} form: about {program.operations} operations in a cycle of ten iterations")
     best = min(programs, key=lambda program: program.operations)
-    return Controller(best, reasons)
+    if targets:
+        _refuse_targets(best)
+    return Controller(best, reasons, servo)
+
+
+def _refuse_targets(program: Discretised) -> None:
+    """Raise ArgumentError if rest at the targets is outside a limit."""
+    s, rest = program.statement, program.standstill
+    values = program.rows(rest.x, rest.w, rest.w, s.targets).full()[:, 0]
+    for r, value in zip(s.rows, values, strict=True):
+        if not r.low - OUTSIDE * r.size <= value <= r.high + OUTSIDE * r.size:
+            raise ArgumentError(
+                f"rest at the targets has {r.name} = {value:.4g}, outside its limits {r.low:g} to {r.high:g}; move the "
+                "target, or the limit", "targets",
+            )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,9 +188,9 @@ class Controller(StepFunction, Portable):
 
     runtime = STAGE_QP
 
-    def __init__(self, program: Discretised, reasons: Sequence[str]) -> None:
+    def __init__(self, program: Discretised, reasons: Sequence[str], servo: AxisServo | None = None) -> None:
         s, horizon, qp = program.statement, program.horizon, program.qp
-        self.program, self.reasons, self.period = program, list(reasons), horizon.period
+        self.program, self.reasons, self.period, self.servo = program, list(reasons), horizon.period, servo
         self.title = f"predictive control over {qp.count} stages of {horizon.stage:g} s, {s.causality} form"
         n, m, nd = qp.stage.states, qp.stage.inputs, program.d.numel()
         self.estimates, self.share = bool(nd), horizon.period / horizon.stage
@@ -183,9 +207,15 @@ class Controller(StepFunction, Portable):
         self.goals = [StepMember(f"{k.name}.goal", size(k.size, rows), k.unit, where) for k in s.references]
         self.commands = [StepMember(k.name, size(k.size), k.unit, "input of the plant") for k in s.inputs]
         self.shown = [StepMember(k.name, size(k.size), k.unit, "after this period") for k in s.shown]
-        self.inputs = [*self.readings, *self.goals]
+        self.before = list[StepMember]()
+        self.sent = list[StepMember]()
+        if servo is not None:
+            (q,) = self.readings
+            self.before = [StepMember(f"{q.name}.before", q.size, q.unit, "position that was commanded last")]
+            self.sent = [StepMember(f"{q.name}.command", q.size, q.unit, "position to command")]
+        self.inputs = [*self.readings, *self.before, *self.goals]
         self.outputs = [
-            *self.commands, *self.shown,
+            *self.commands, *self.sent, *self.shown,
             StepMember("clipped", description="largest part of an input that its limit cut off"),
             StepMember("cost", description="of the plan, with prices"),
             StepMember("iterations", description=f"at most {qp.max_iterations}", integer=True),
@@ -195,9 +225,14 @@ class Controller(StepFunction, Portable):
             *([StepMember("active", len(qp.stage.sides), description="stages of the plan at a limit: " +
                           ", ".join(self.limits), integer=True)] if qp.stage.sides else []),
         ]  # fmt: skip
-        self.start = [StepMember("x", n, "?", f"state: {names}")]
-        self.defaults: Mapping[str, Any] = {"x": program.standstill.x}
+        speeds = [StepMember("speeds", description="1: the servo also receives the way of its command in a period as a "
+                             "speed; 0: it does not")] if servo is not None else []  # fmt: skip
+        self.start = [StepMember("x", n, "?", f"state: {names}"), *speeds]
+        self.defaults: Mapping[str, Any] = {"x": program.standstill.x} | {k.name: 1.0 for k in speeds}
         past = [StepMember("past", horizon.delay * m, "?", "inputs on their way")] if horizon.delay else []
+        if servo is not None:
+            way = [StepMember("sent", horizon.delay * m, "?", "positions commanded before")] if horizon.delay else []
+            past += [*way, *speeds]
         offset = [StepMember("d", nd, "?", "disturbance")] if nd else []
         self.state = [
             StepMember("x", n, "?", "predicted for the next cycle"), *offset, *past,
@@ -208,6 +243,17 @@ class Controller(StepFunction, Portable):
             StepMember("lost", description="cycles in a row without a usable reading", integer=True),
             StepMember("begun", description="1 after the first cycle", integer=True),
         ]  # fmt: skip
+
+    @property
+    def bounds(self) -> dict[str, list[list[float | None]]]:
+        """Limits of variables that are also references: lower ones and upper ones of their entries; None: no limit."""
+        rows = {r.name: [b if np.isfinite(b) else None for b in (r.low, r.high)] for r in self.program.statement.rows}
+        bounds = dict[str, list[list[float | None]]]()
+        for k in self.program.statement.references:
+            names = [k.name] if k.size == 1 else [f"{k.name}[{j}]" for j in range(k.size)]
+            if set(names) & set(rows):
+                bounds[k.name] = [list(side) for side in zip(*(rows.get(n, [None, None]) for n in names), strict=True)]
+        return bounds
 
     def kernels(self, symbol: str) -> list[ca.Function]:
         """Return the generated functions under their C names."""
@@ -229,13 +275,16 @@ class Controller(StepFunction, Portable):
         return {"numbers": numbers, "stages": program.qp.count, "max_iterations": program.qp.max_iterations,
                 "length_ms": 1e3 * horizon.stage, "preview": horizon.preview, "limits": self.limits,
                 "causality": program.statement.causality, "delay": horizon.delay, "patience": horizon.patience,
-                "spectral_radius": _short(self.radius()), "fastest_servo_rad_s": _short(self.fastest_servo),
+                "spectral_radius": float(f"{self.radius():.3g}"),  # digits that do not depend on the machine
+                **({"bounds": self.bounds} if self.bounds else {}),
+                **({} if self.servo is None else dict(zip(("stiffness", "damping"), self._gains, strict=True))),
                 "kernels": text}  # fmt: skip
 
     def notes(self) -> list[str]:
         """Return how it was made, its guarantees, and the meaning of its statuses."""
         program, horizon = self.program, self.program.horizon
         rows = list(zip(program.statement.rows, program.qp.stage.rows, strict=True))
+        radius, under = self.radius(), "as plant" if self.servo is None else "under its servo as plant"
         hard, soft = ([r.name for r, q in rows if (q.price is None) == exact] for exact in (True, False))
         return [
             f"- stages: {self.reasons[0]}" + (f"; {'; '.join(self.reasons[1:])}" if self.reasons[1:] else ""),
@@ -243,7 +292,8 @@ class Controller(StepFunction, Portable):
             f"- planned within their limits, exactly in the linearised stages: {', '.join(hard) or 'nothing'}",
             f"- within their limits if the price allows it: {', '.join(soft) or 'nothing'}",
             "- not promised: stability, except near the targets with the terminal cost",
-            *self._settling(),
+            f"- near the targets: the closed loop with the model {under} has a spectral radius of {radius:.3g}"
+            + ("" if radius < 1 else ", so it does not settle"),
             f"- without a solution or a usable reading it follows its last plan, up to {horizon.patience} cycles in a "
             "row; then:",
             "- GT_STALE_INPUT: no usable reading",
@@ -251,36 +301,25 @@ class Controller(StepFunction, Portable):
             "- GT_NOT_FINITE: a reference or the first reading is not finite, or the numbers of the program overflow",
         ]
 
-    def _settling(self) -> list[str]:
-        radius, servo = self.radius(), self.fastest_servo
-        text = f"- near the targets: the closed loop with the model as plant has a spectral radius of {radius:.3g}"
-        text += "" if radius < 1 else ", so it does not settle"
-        if servo is None:
-            return [text]
-        return [text, f"- under servos that make the forces it is stable up to {servo:.3g} rad/s of an axis"]
+    @property
+    def _gains(self) -> list[list[float]]:
+        """Stiffness and damping of the servo, one number for each axis."""
+        return [] if self.servo is None else [g.tolist() for g in self.servo.gains(self.readings[0].count)]
 
     @cached_property
     def _closed_loop(self) -> LinearCycle:
         return LinearCycle(self.program)
 
-    @cached_property
-    def fastest_servo(self) -> float | None:
-        """Natural frequency of an axis [rad/s] up to which servos leave the loop stable; None: not for such a loop.
-
-        Servos of damping 0.5 and 1, over EGM and RSI, each axis with the others held; see `radius`.
-        """
-        return self._closed_loop.fastest_servo()
-
-    def radius(self, kp: Any = None, kd: Any = None, *, sends_speed: bool = True) -> float:
+    def radius(self, servo: AxisServo | None = None, *, speeds: bool | None = None) -> float:
         """Return the spectral radius of a cycle near the targets, no limit active; the loop settles if it is below 1.
 
-        Args:
-            kp, kd: servo of each measured axis [N/m, N s/m or N m, N m s], as the law "predictive" of `gtmodel loop`
-                has it; left out, the plant takes the inputs of the controller. The filter knows no servo: the stiffer
-                it is, the larger the deviation of the readings must be.
-            sends_speed: the servo receives speeds too, as over EGM.
+        The plant is the model, which takes the inputs of the controller, or with `servo` its commands.
 
-        Raises ArgumentError for one of both, or for a controller that this law cannot use.
+        Args:
+            servo: of the plant; the one that the controller knows if left out.
+            speeds: whether it receives speeds too, as over EGM; if None, the larger radius of both.
+
+        Raises ArgumentError for a servo of a plant that takes the inputs of the controller.
 
         >>> class Cart(gt.Model):
         ...     m = gt.parameter(40.0, unit="kg")
@@ -288,32 +327,22 @@ class Controller(StepFunction, Portable):
         ...     tau = gt.input(unit="N")
         ...     def equations(self):
         ...         yield self.m * gt.der(self.q, 2) == self.tau
+        >>> servo = gt.predictive.AxisServo(stiffness=40.0 * 200.0**2, damping=2 * 0.6 * 200.0 * 40.0)  # 200 rad/s
         >>> law = gt.predictive.controller(
         ...     Cart(), gt.predictive.ControlHorizon(period=0.004, stages=12, length=0.02, delay=2),
         ...     tolerances={"q": 0.001, "der(q)": 0.5, "tau": 200.0}, targets={"q": 0.0},
-        ...     measured={"q": gt.predictive.Measurement(1e-5)}, disturbance={"tau": 100.0},
-        ...     outputs=["q", "der(q)", "der(q,2)"],
+        ...     measured={"q": gt.predictive.Measurement(1e-5)}, disturbance={"tau": 100.0}, servo=servo,
         ... )
-        >>> servo = 40.0 * 200.0**2, 2 * 0.6 * 200.0 * 40.0  # 200 rad/s
-        >>> bool(law.radius() < 1), bool(law.radius(*servo) < 1)
-        (True, False)
+        >>> softer = gt.predictive.AxisServo(0.5 * servo.stiffness, 0.7 * servo.damping)
+        >>> bool(law.radius() < 1), bool(law.radius(softer) < 1)
+        (True, True)
         """
-        if (kp is None) != (kd is None):
-            raise ArgumentError("expected stiffness and damping of the servo, or neither", "kd" if kd is None else "kp")
-        if kp is None:
-            return self._closed_loop.radius()
-        if joint_places(self.program) is None:
-            raise ArgumentError(
-                "expected a controller of tau that measures q alone and returns q, der(q), der(q,2)", "kp"
-            )
-        gains = []
-        for name, value, least in (("kp", kp, "more than 0"), ("kd", kd, "at least 0")):
-            gain, m = numbers(value, name), self.program.statement.v.numel()
-            fine = np.all(gain > 0) if name == "kp" else np.all(gain >= 0)
-            if gain.shape not in ((), (m,)) or not (fine and np.all(np.isfinite(gain))):
-                raise ArgumentError(f"expected {m} numbers of {least}; found {value!r}", name)
-            gains.append(gain)
-        return self._closed_loop.radius(gains[0], gains[1], sends_speed)
+        agree(servo, AxisServo | None, "servo")
+        if servo is not None and self.servo is None:
+            raise ArgumentError("this controller commands no servo; give it one when it is made", "servo")
+        several = (speeds,) if speeds is not None else (True, False) if self.servo else (True,)
+        with naming("servo."):
+            return max(self._closed_loop.radius(servo or self.servo, s) for s in several)
 
     def examples(self, rows: int, seed: int, real: Real) -> np.ndarray:
         """Return readings and references near the standstill, some not finite."""
@@ -322,8 +351,8 @@ class Controller(StepFunction, Portable):
         for k in self.inputs:
             typical = complete[k.identifier].reshape(-1)
             spread = SPREAD * (np.abs(typical) + SPREAD)
-            if k in self.readings and self.program.observer is not None:
-                place = sum(r.count for r in self.readings[: self.readings.index(k)])
+            if k in (*self.readings, *self.before) and self.program.observer is not None:
+                place = sum(r.count for r in self.readings[: self.readings.index(k)]) if k in self.readings else 0
                 spread = np.minimum(spread, SPREAD * self.program.observer.jump[place : place + k.count])
             values = typical + spread * rng.normal(size=(rows, k.count))
             if k in self.readings:
@@ -341,6 +370,7 @@ class Controller(StepFunction, Portable):
         for k in self.readings:
             values[k.name] = y[first : first + k.count].reshape(() if k.size is None else (k.size,))
             first += k.count
+        values |= {k.name: values[self.readings[0].name] for k in self.before}
         first = 0
         for k in self.goals:
             own = k.count // rows
@@ -397,7 +427,16 @@ class Controller(StepFunction, Portable):
         if start is not None and start.v.shape != (self.program.qp.count, self.program.qp.stage.inputs):
             raise ArgumentError("expected a plan of this controller; found one of another size", "start")
         shift = np.broadcast_to(shift, (nd,))
-        return converged(self, state, goals or {}, shift, start, max_iterations, tolerance)
+        plan = converged(self, state, goals or {}, shift, start, max_iterations, tolerance)
+        p, first, beyond = self.references_of(goals or {}), 0, list[str]()
+        for k in self.program.statement.references:
+            values, first = p[first : first + k.size], first + k.size
+            low, high = (np.array(side, float)[:, None] for side in self.bounds.get(k.name, ([None], [None])))
+            if np.any((values < low) | (values > high)):
+                beyond.append(
+                    f"the goal of '{k.name}' is outside its limits, which the price of the limits holds it to"
+                )
+        return replace(plan, notes=[*plan.notes, *beyond])
 
     def references_of(self, goals: Mapping[str, Any]) -> np.ndarray:
         """Return the references of all stages and the end, (numbers, stages + 1), with the targets for those left out.
@@ -435,7 +474,8 @@ class Controller(StepFunction, Portable):
         Its inputs are the measured variables, or the states, with "_" for other signs, and NAME_goal for references;
         its outputs the inputs of the plant, the further outputs as next_NAME, and failed, lost, iterations and
         clipped. The delay of the horizon is that of the block. In a cycle that ends in another status than OK, failed
-        is -1 and all other outputs stay as they were: assert that it stays at least 0.
+        is -1 and all other outputs stay as they were: assert that it stays at least 0. Raises ArgumentError for a
+        controller that commands a servo.
         """
         return block_of(self)
 
@@ -446,7 +486,8 @@ class Controller(StepFunction, Portable):
         References are inputs of the loop, law.NAME_goal. A cycle that ends in another status than OK ends the
         simulation as failed. For a controller with preview use `block`.
 
-        Raises ArgumentError for a controller with preview, and ModelError if the inputs are not the plant's own.
+        Raises ArgumentError for a controller with preview or with a servo, and ModelError if the inputs are not the
+        plant's own.
         """
         return closed_loop(self, plant)
 
@@ -471,8 +512,8 @@ class ControllerRun(Portable):
 
     def __init__(self, law: Controller, x: np.ndarray) -> None:
         self.law = law
-        self.state = record(law.state, DOUBLE)
-        status = self.twin.init(self.state, record(law.start, DOUBLE, {"x": x}))
+        self.state, self._sent = record(law.state, DOUBLE), dict[str, Any]()
+        status = self.twin.init(self.state, record(law.start, DOUBLE, {**law.defaults, "x": x}))
         if status != Status.OK:
             raise ArgumentError("expected finite numbers", "x")
 
@@ -504,23 +545,21 @@ class ControllerRun(Portable):
             if several := [name for name in names if values[name].size != 1]:
                 raise ArgumentError(f"expected 1 number; found {values[several[0]].size}", f"measured.{several[0]}")
             values = {"x": np.array([values[name].item() for name in names])}
-        inputs = law._filled(values, goals or {})
+        sent = {k.name: self._sent.get(k.name, values[names[0]]) for k in law.before}
+        inputs = law._filled(values | sent, goals or {})
         outputs = record(law.outputs, DOUBLE)
         status = self.twin.step(self.state, inputs, outputs)
         values = (
             {k.name: np.array(outputs[k.identifier]).reshape(-1) for k in law.outputs} if status == Status.OK else {}
         )
+        if status == Status.OK:
+            self._sent = {k.name: values[s.name] for k, s in zip(law.before, law.sent, strict=True)}
         return CycleResult(status, values, self.state["plan_v"].reshape(law.program.qp.count, -1).copy())
 
     @property
     def disturbance(self) -> np.ndarray:
         """Estimated offset of the inputs of the stages."""
         return np.array(self.state["d"]) if self.law.estimates else np.zeros(0)
-
-
-def _short(value: float | None) -> float | None:
-    """Three digits, which do not depend on the machine."""
-    return None if value is None else float(f"{value:.3g}")
 
 
 def _digest(f: ca.Function) -> str:

@@ -48,10 +48,11 @@ class CycleTwin(StepTwin):
 
     def init(self, state: np.ndarray, start: np.ndarray) -> Status:
         """Empty the state, and begin at the state of the start."""
-        if not np.all(np.isfinite(start["x"])):
+        if not all(np.all(np.isfinite(start[k.identifier])) for k in self.controller.start):
             return Status.NOT_FINITE
         state[...] = np.zeros((), state.dtype)
-        state["x"] = start["x"]
+        for k in self.controller.start:
+            state[k.identifier] = start[k.identifier]
         return Status.OK
 
     def step(self, state: np.ndarray, inputs: np.ndarray, outputs: np.ndarray) -> Status:
@@ -70,6 +71,13 @@ class CycleTwin(StepTwin):
         if not np.all(np.isfinite(p)):
             return Status.NOT_FINITE
         p = np.broadcast_to(p, (count + 1, p.shape[1])).T
+        way, speeds = list[np.ndarray](), list[Any]()
+        for k in c.before:
+            last = inputs[k.identifier].reshape(-1)
+            if not np.all(np.isfinite(last)):
+                return Status.NOT_FINITE
+            earlier = state["sent"].reshape(-1, m) if begun and horizon.delay else [last] * horizon.delay
+            way, speeds = [*earlier, last], [state["speeds"]]
         # 1
         before, d = state["x"], state["d"] if c.estimates else nothing
         if not begun:
@@ -86,8 +94,8 @@ class CycleTwin(StepTwin):
                 return Status.STALE_INPUT
         # 2
         x, past = hat, state["past"].reshape(-1, m) if horizon.delay else np.zeros((0, m), real.dtype)
-        for v in past:
-            (x,) = self._call("advance", x, v, d_hat, p[:, 0])
+        for k, v in enumerate(past):
+            (x,) = self._call("advance", x, v, d_hat, p[:, 0], *_pair(way, k), *speeds)
         # 3
         if begun:
             plan = (state["plan_x"].reshape(-1, n).T, state["plan_v"].reshape(-1, m).T)
@@ -116,12 +124,12 @@ class CycleTwin(StepTwin):
             if not begun or failed > horizon.patience:
                 return o.status
         # 5
-        forces, clipped, shown = self._call("command", x, plan_v[:, 0], d_hat, p[:, 0])
-        now = past[0] if horizon.delay else plan_v[:, 0]
-        (after,) = self._call("advance", hat, now, d_hat, p[:, 0])
-        if not np.all(np.isfinite(np.concatenate([forces, clipped, shown, after]))):
+        forces, clipped, shown, *sent = self._call("command", x, plan_v[:, 0], d_hat, p[:, 0], *way[-1:], *speeds)
+        now, way = past[0] if horizon.delay else plan_v[:, 0], way + sent
+        (after,) = self._call("advance", hat, now, d_hat, p[:, 0], *_pair(way, 0), *speeds)
+        if not np.all(np.isfinite(np.concatenate([forces, clipped, shown, *sent, after]))):
             return Status.NOT_FINITE
-        for member, values in ((c.commands, forces), (c.shown, shown)):
+        for member, values in ((c.commands, forces), (c.sent, sent[0] if sent else nothing), (c.shown, shown)):
             first = 0
             for k in member:
                 outputs[k.identifier] = values[first : first + k.count].reshape(outputs[k.identifier].shape)
@@ -138,6 +146,8 @@ class CycleTwin(StepTwin):
             state["d"] = d_hat
         if horizon.delay:
             state["past"] = np.concatenate([past[1:].ravel(), plan_v[:, 0]])
+            if way:
+                state["sent"] = np.concatenate(way[1:-1])
         state["plan_x"], state["plan_v"] = plan_x.T.ravel(), plan_v.T.ravel()
         if c.sides:
             state["sides"] = np.concatenate([sides.T.ravel(), np.ravel(end)])
@@ -161,6 +171,11 @@ class CycleTwin(StepTwin):
         if self.real is DOUBLE:
             return np.asarray(self._prepare.call(wide)[0].full())
         return run(self.functions["prepare"], wide)[0]
+
+
+def _pair(way: list[np.ndarray], k: int) -> list[np.ndarray]:
+    """The position commanded before cycle k, and that of the cycle; nothing without a servo."""
+    return [np.concatenate(way[k : k + 2])] if way else []
 
 
 def kernels_of(controller: Controller, symbol: str) -> list[ca.Function]:
@@ -203,7 +218,7 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
         "reading": ny, "innovation": ny, "own": ny, "near": n, "p": rows * np_, "hat": n, "ahead": n, "d": nd,
         "next": n, "plan_x": (count + 1) * n,
         "plan_v": count * m, "start": of.sides, "data": count * qp.stage.numbers, "last_data": qp.last.numbers,
-        "command": forces, "shown": shown,
+        "command": forces, "shown": shown, **({"sent": (delay + 2) * m} if c.before else {}),
     }  # fmt: skip
     locals_ = "".join(f"    double {k}[{max(1, size)}];\n" for k, size in numbers.items())
     first = ", ".join(decimal(v) for v in c.first)
@@ -233,11 +248,14 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
     )
     if of.end:
         shift += f"        gt_stage_qp_copy(&start[{count * own}], &state->sides[{count * own}], {of.end});\n"
-    old_d = "state->d" if nd else "d"
+    old_d, commands = "state->d" if nd else "d", len(c.before)  # 1 or 0
+    pair = [["sent", "&state->speeds"], [f"&sent[k * {m}]", "&state->speeds"]] if commands else [[], []]
+    last = [f"&sent[{delay * m}]", "&state->speeds"][: 2 * commands]
+    new = [f"&sent[{(delay + 1) * m}]"][:commands]
     now = "state->past" if delay else "plan_v"
     late = (
         f"    for (k = 0; k < {delay}; k++) {{\n"
-        + call("advance", ["ahead", f"&state->past[k * {m}]", "d", "p"], ["next"], "        ")
+        + call("advance", ["ahead", f"&state->past[k * {m}]", "d", "p", *pair[1]], ["next"], "        ")
         + f"        gt_stage_qp_copy(ahead, next, {n});\n    }}\n"
         if delay
         else ""
@@ -245,22 +263,40 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
     queue = (
         f"    for (k = 0; k < {(delay - 1) * m}; k++) {{\n        state->past[k] = state->past[k + {m}];\n    }}\n"
         f"    gt_stage_qp_copy(&state->past[{(delay - 1) * m}], plan_v, {m});\n"
+        + (f"    gt_stage_qp_copy(state->sent, &sent[{m}], {delay * m});\n" if commands else "")
         if delay
         else ""
     )
     planned = [f"&plan_x[k * {n}]", f"&plan_v[k * {m}]", "d", at, f"&plan_x[(k + 1) * {n}]"]
     prepared = call("prepare", planned, [f"&data[k * {qp.stage.numbers}]"], "        ")
-    start_finite = f"    if (gt_stage_qp_finite(start->x, {n}) == 0) {{\n        return GT_NOT_FINITE;\n    }}\n"
+    start_finite = "".join(
+        f"    if (gt_stage_qp_finite({k.address('start->')}, {k.count}) == 0) {{\n"
+        "        return GT_NOT_FINITE;\n    }\n"
+        for k in c.start
+    )
+    started = "".join(
+        f"    gt_stage_qp_copy({k.address('state->')}, {k.address('start->')}, {k.count});\n" for k in c.start
+    )
+    earlier = "".join(
+        f"    gt_stage_qp_copy(&sent[{delay * m}], {k.address('in->')}, {m});\n"
+        f"    if (gt_stage_qp_finite(&sent[{delay * m}], {m}) == 0) {{\n        return GT_NOT_FINITE;\n    }}\n"
+        + (f"    for (k = 0; k < {delay}; k++) {{\n"
+           f"        gt_stage_qp_copy(&sent[k * {m}], "
+           f"(state->begun != 0) ? &state->sent[k * {m}] : &sent[{delay * m}], {m});\n"
+           "    }\n" if delay else "")
+        for k in c.before
+    )  # fmt: skip
     return (
-        f"{of.table()}{init_text(symbol, f'    gt_stage_qp_copy(state->x, start->x, {n});' + chr(10), start_finite)}"
+        f"{of.table()}{init_text(symbol, started, start_finite)}"
         f"{step_prototype(symbol)}\n{{\n    static const double first[{m}] = {{{first}}};\n"
         "    gt_stage_qp_work work;\n    gt_stage_qp_call call;\n    gt_stage_qp_outcome found;\n"
-        "    gt_status status;\n    const double *arg[5];\n    double *res[3];\n    double far = 0.0;\n"
+        f"    gt_status status;\n    const double *arg[{5 + commands}];\n    double *res[{3 + commands}];\n"
+        "    double far = 0.0;\n"
         f"    double clipped = 0.0;\n    int lost = 0;\n    int failed = 0;\n"
         f"    int k;\n{'    int j;' + chr(10) if qp.stage.sides else ''}{locals_}{arrays}\n"
         f"{_gathered(c.readings, 'reading')}{_goals(c, rows)}"
         f"    if (gt_stage_qp_finite(p, {rows * np_}) == 0) {{\n        return GT_NOT_FINITE;\n    }}\n"
-        "    /* the reading */\n"
+        f"{earlier}    /* the reading */\n"
         f"    gt_stage_qp_copy(d, {old_d}, {nd});\n"
         + f"    gt_stage_qp_copy(next, state->x, {n});\n    if (state->begun == 0) {{\n"
         f"        for (k = 0; k < {LOCATING}; k++) {{\n"
@@ -296,12 +332,13 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
         f"        if ((state->begun == 0) || (failed > {horizon.patience})) {{\n"
         "            return status;\n        }\n"
         "    }\n    /* the output */\n"
-        + call("command", ["ahead", "plan_v", "d", "p"], ["command", "&clipped", "shown"])
-        + call("advance", ["hat", now, "d", "p"], ["next"])
+        + call("command", ["ahead", "plan_v", "d", "p", *last], ["command", "&clipped", "shown", *new])
+        + call("advance", ["hat", now, "d", "p", *pair[0]], ["next"])
         + f"    if ((gt_stage_qp_finite(command, {forces}) == 0) || (gt_stage_qp_finite(&clipped, 1) == 0)\n"
-        f"        || (gt_stage_qp_finite(shown, {shown}) == 0) || (gt_stage_qp_finite(next, {n}) == 0)) {{\n"
+        f"        || (gt_stage_qp_finite(shown, {shown}) == 0) || (gt_stage_qp_finite(next, {n}) == 0)"
+        + "".join(f"\n        || (gt_stage_qp_finite({a}, {m}) == 0)" for a in new) + ") {\n"
         "        return GT_NOT_FINITE;\n    }\n"
-        + _scattered(c.commands, "command") + _scattered(c.shown, "shown")
+        + _scattered(c.commands, "command") + _scattered(c.sent, "sent", (delay + 1) * m) + _scattered(c.shown, "shown")
         + "    out->clipped = clipped;\n    out->cost = (gt_stage_qp_finite(&found.cost, 1) != 0) ? found.cost : 0.0;\n"
         "    out->iterations = found.iterations;\n    out->failed = failed;\n    out->lost = lost;\n"
         + _diagnostics(qp, own)
@@ -338,8 +375,8 @@ def _diagnostics(qp: StageQP, own: int) -> str:
     )
 
 
-def _scattered(members: Any, source: str) -> str:
-    lines, first = [], 0
+def _scattered(members: Any, source: str, first: int = 0) -> str:
+    lines = []
     for k in members:
         lines.append(f"    gt_stage_qp_copy({k.address('out->')}, &{source}[{first}], {k.count});\n")
         first += k.count

@@ -22,7 +22,8 @@ from ..filtering.transition import runge_kutta
 from ..linear.state_space import settled_covariance
 from ..results.refusal import ArgumentError
 from .kernels import loops
-from .options import FOREVER, ControlHorizon, Measurement, numbers
+from .options import FOREVER, AxisServo, ControlHorizon, Measurement, numbers
+from .servo import ServoedAxes
 from .stage import HorizonStage, LimitedRow
 from .stage_qp import StageQP
 from .statement import Statement
@@ -30,6 +31,9 @@ from .statement import Statement
 SX = ca.SX
 STANDSTILL = 1e-7  # largest rate at the targets, relative to 1
 OF_A_SIDE = 27  # operations in an iteration
+# s: under a servo the force of a cycle errs by what the disturbance changes in this time. A servo acts on an error of
+# the model (payload, gains, a further delay) within cycles, faster than a random walk of the disturbance tells
+UNMODELLED = 0.1
 SINGULAR = 1e-9  # share of the trace that keeps the step of `locate` finite
 
 
@@ -93,18 +97,20 @@ class Observer(Portable):
 class Discretised(Portable):
     """The program of a statement and all functions of a cycle.
 
-    advance   x v d p            -> x after one period
+    advance   x v d p            -> x after one period; under a servo also by two positions sent, and speeds
     locate    x y                -> x closer to the reading, by a step of Gauss and Newton; innovations, and those
                                     that the gains take: at the slope of the targets
     correct   x d innovations    -> x d, largest innovation over its jump
     prepare   x v d p following  -> data of a stage; following: the planned state after it
     finish    x d p              -> data of the last stage
-    command   x v d p            -> inputs of the model within their limits, what these cut off, outputs
+    command   x v d p            -> inputs of the model within their limits, what these cut off, outputs; for a servo
+                                    also the position to send, by the one before, and speeds
     """
 
     def __init__(
         self, s: Statement, horizon: ControlHorizon, measured: Mapping[str, Measurement],
         disturbance: Mapping[str, float], prices: Mapping[str, Any], price: tuple[float, float],
+        servo: AxisServo | None = None,
     ) -> None:  # fmt: skip
         self.statement, self.horizon = s, horizon
         if horizon.stages == 1 and not (horizon.terminal or s.end.numel()):
@@ -157,10 +163,19 @@ class Discretised(Portable):
             stage, horizon.stages, last, tolerance=horizon.tolerance, max_iterations=horizon.max_iterations
         )
         period = _after(s, horizon.period, horizon.steps)
-        self.advance = _function("advance", [s.x, s.v, self.d, s.p], [moved(period)])
-        self.observer = self._observer(period, measured, disturbance)
+        self.servo = (
+            None if servo is None else ServoedAxes(s, (self.standstill.x, self.standstill.w), servo, horizon.period)
+        )
+        commanded, before, speeds = list[Any](), SX.sym("before", m), SX.sym("speeds")
+        predicted, forces = moved(period), ca.substitute(s.forces, s.w, s.v)
+        at_end = lambda e: ca.substitute(moved(e), s.x, moved(period))  # noqa: E731
+        later = ca.substitute(forces, s.x, moved(period))
+        if self.servo:
+            commanded = [SX.sym("sent", 2 * m), speeds]
+            predicted += self.servo.response(moved, at_end, (forces, later), *commanded)
+        self.advance = _function("advance", [s.x, s.v, self.d, s.p, *commanded], [predicted])
+        self.observer = self._observer(predicted, commanded, measured, disturbance)
         self.locate, self.correct = self._location(), self._correction()
-        forces = ca.substitute(s.forces, s.w, s.v)
         bounded = ca.vertcat(*[
             _bounded(forces[k], low, high)
             for k, (low, high) in enumerate(zip(s.force_low.tolist(), s.force_high.tolist(), strict=True))
@@ -168,8 +183,11 @@ class Discretised(Portable):
         clipped = SX(0)
         for k in range(forces.numel()):
             clipped = ca.fmax(clipped, ca.fabs(forces[k] - bounded[k]))
-        shown = ca.substitute(moved(s.outputs), s.x, moved(period)) if s.shown else SX(0, 1)
-        self.command = _functions("command", [s.x, s.v, self.d, s.p], [bounded, clipped, shown])
+        arguments, results = [s.x, s.v, self.d, s.p], [bounded, clipped, at_end(s.outputs) if s.shown else SX(0, 1)]
+        if self.servo:
+            arguments += [before, speeds]
+            results.append(self.servo.command(moved, at_end, (bounded, bounded + later - forces), before, speeds))
+        self.command = _functions("command", arguments, results)
 
     @property
     def operations(self) -> int:
@@ -205,8 +223,9 @@ class Discretised(Portable):
         return (P + P.T) / 2
 
     def _observer(
-        self, period: Any, measured: Mapping[str, Measurement], disturbance: Mapping[str, float]
-    ) -> Observer | None:
+        self, predicted: Any, commanded: list[Any], measured: Mapping[str, Measurement],
+        disturbance: Mapping[str, float],
+    ) -> Observer | None:  # fmt: skip
         s, rest, n, m = self.statement, self.standstill, self.statement.x.numel(), self.statement.v.numel()
         if not measured:
             if disturbance:
@@ -216,17 +235,18 @@ class Discretised(Portable):
             raise ArgumentError(
                 "expected the disturbances between which and the noise the filter weighs", "disturbance"
             )
-        z = ca.vertcat(s.x, s.w)
-        f = ca.Function(
-            "f", [z, s.p], [ca.jacobian(period, z), ca.jacobian(s.measured, s.x), ca.jacobian(s.forces, s.w)]
-        )
-        G, C, force = (np.asarray(ca.DM(v).full()) for v in f(np.concatenate([rest.x, rest.w]), s.targets))
-        A, B = G[:, :n], G[:, n:]
+        parts = [(predicted, s.x), (predicted, self.d), (s.measured, s.x), (s.forces, s.w)]
+        arguments = [s.x, s.w, s.v, self.d, s.p, *commanded]
+        f = ca.Function("f", arguments, [ca.jacobian(e, by) for e, by in parts])
+        holding = [np.tile(self.servo.holding, 2), 1.0] if self.servo else []
+        values = f(rest.x, rest.w, rest.w, 0.0, s.targets, *holding)
+        A, B, C, force = (np.asarray(ca.DM(v).full()) for v in values)
         spread = np.concatenate([np.full(i.size, _spread(disturbance, i.name)) for i in s.inputs])
         back = np.linalg.inv(force)
         S = back @ np.diag(spread**2) @ back.T * self.horizon.period
         F = np.block([[A, B], [np.zeros((m, n)), np.eye(m)]])
-        Q = np.block([[B @ S @ B.T, np.zeros((n, m))], [np.zeros((m, n)), S]])
+        fast = S if self.servo is None else S * (UNMODELLED / self.horizon.period)
+        Q = np.block([[B @ fast @ B.T, np.zeros((n, m))], [np.zeros((m, n)), S]])
         names = [(k.name, k.size) for k in s.sensors]
         R = np.concatenate([np.full(size, measured[name].deviation ** 2) for name, size in names])
         H = np.hstack([C, np.zeros((len(R), m))])

@@ -1,4 +1,4 @@
-"""Options of a predictive controller, and of its measurements."""
+"""Options of a predictive controller, of its measurements, and of the servo that it commands."""
 
 from __future__ import annotations
 
@@ -15,11 +15,15 @@ FOREVER = 1e300  # a jump that is never exceeded
 
 
 def numbers(value: Any, argument: str) -> np.ndarray:
-    """Return an array of numbers, which may be NaN or infinite. Raises ArgumentError for anything else."""
+    """Return an array of numbers, which may be NaN or infinite. Raises ArgumentError for anything else, and for truth
+    values."""
     try:
-        return np.asarray(value, float)
+        array = np.asarray(value, float)
+        if not any(isinstance(v, (bool, np.bool_)) for v in np.asarray(value, object).ravel()):
+            return array
     except (TypeError, ValueError):
-        raise ArgumentError(f"expected numbers; found {described(value)}", argument) from None
+        pass
+    raise ArgumentError(f"expected numbers; found {described(value)}", argument)
 
 
 @dataclass(frozen=True)
@@ -73,3 +77,27 @@ class Measurement(Options):
 
     deviation: Annotated[float, Within(above=0.0), "standard deviation of one reading"]
     jump: Annotated[float, Within(above=0.0), "a reading further away from the prediction is left out"] = FOREVER
+
+
+@dataclass(frozen=True)
+class AxisServo(Options):
+    """Position servo between a predictive controller and its axes: F = kp (u - q) + kd (du - dq).
+
+    u, du: commanded position and speed; q, dq: position and speed of the axis. The controller predicts with it, and
+    returns the position to command. Gains in N/m and N s/m, of joints in N m/rad and N m s/rad; one number, or one for
+    each axis.
+
+    >>> gt.predictive.AxisServo(stiffness=40.0 * 200.0**2, damping=2 * 0.7 * 200.0 * 40.0).stiffness  # 200 rad/s, 40 kg
+    1600000.0
+    """
+
+    stiffness: Annotated[float | tuple[float, ...], Within(above=0.0), "kp, one number or one for each axis"]
+    damping: Annotated[float | tuple[float, ...], Within(least=0.0), "kd, one number or one for each axis"]
+
+    def gains(self, axes: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return kp and kd, (axes,) each. Raises ArgumentError for another number of them."""
+        for name in ("stiffness", "damping"):
+            if np.size(getattr(self, name)) not in (1, axes):
+                raise ArgumentError(f"expected 1 or {axes} numbers; found {np.size(getattr(self, name))}", name)
+        kp, kd = (np.broadcast_to(np.ravel(g).astype(float), (axes,)) for g in (self.stiffness, self.damping))
+        return kp, kd

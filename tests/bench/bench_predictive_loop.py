@@ -31,7 +31,7 @@ from gtmodel.loop import (
     lockstep,
 )
 from gtmodel.loop.process import COLUMNS, STATES, rows_of
-from gtmodel.predictive import ControlHorizon, Controller, Measurement
+from gtmodel.predictive import AxisServo, ControlHorizon, Controller, Measurement
 
 START, FIRST, SECOND, FORCE = [0.0, -0.9, 0.1], [0.5, -0.9, 0.3], [0.8, -0.9, 0.4], 700.0
 HEAVIER, NOISE, DRIFT, SERVO = 0.2 * 9.13, 1e-5, 20.0, Servo()
@@ -55,7 +55,7 @@ def controller(stages: int = 40) -> Controller:
         prices={"room": (1e5, 1e5)},
         measured={"robot.q": Measurement(deviation=NOISE, jump=0.02)},
         disturbance={"robot.tau": 100.0},
-        outputs=["robot.q", "der(robot.q)", "der(robot.q,2)"],
+        servo=AxisServo(SERVO.kp_N_m, SERVO.kd_N_s_m),
     )
 
 
@@ -143,8 +143,7 @@ class Cell:
         table, log = self.place / "goals.table", self.place / "loop.log"
         table.write_bytes(ReferenceTable(scene.rows).to_bytes())
         log.unlink(missing_ok=True)
-        gains = [",".join([repr(k)] * 6) for k in (SERVO.kp_N_m, SERVO.kd_N_s_m)]
-        words = f"--peer {peer} --law predictive --lockstep --live --kp {gains[0]} --kd {gains[1]} --step 0.1 "
+        words = f"--peer {peer} --law predictive --lockstep --live --step 0.1 "
         words += f"--idle-ms 9000 --deceleration 20 --cycles {len(scene.rows)}"
         plant = DisturbedPlant(
             RigidBodyPlant(self.forward, self.velocity, START, SERVO), delay=2, noise=NOISE, seed=1,

@@ -24,12 +24,13 @@ from gtmodel.loop import (
     egm,
 )
 from gtmodel.loop.process import COLUMNS, rows_of
-from gtmodel.predictive import ControlHorizon, Controller, Measurement
+from gtmodel.predictive import AxisServo, ControlHorizon, Controller, Measurement
 
 MASS, LOAD, FORCE = 40.0, np.array([80.0, -50.0, 60.0]), 700.0
 REACH, SPEED = 0.5, 1.0  # soft limits of positions [m] and speeds [m/s]
 HOLD, DECELERATION = 5, 5.0
 KP, KD = 40_000.0, 1_500.0
+SERVO = AxisServo(KP, KD)
 GOAL = np.array([0.2, -0.1, 0.15])
 CAP = 60  # iterations in a cycle: a soft limit that is crossed takes about 35 from a cold start
 CYCLES = 200  # 0.8 s
@@ -45,7 +46,7 @@ class Carts(gt.Model):
             yield self.m * gt.der(self.q[k], 2) == self.tau[k] - float(LOAD[k])
 
 
-def controller(max_iterations: int = CAP, **keys: Any) -> Controller:
+def controller(max_iterations: int = CAP, servo: AxisServo | None = SERVO, **keys: Any) -> Controller:
     horizon = ControlHorizon(period=0.004, stages=12, length=0.02, delay=2, max_iterations=max_iterations, **keys)
     return gt.predictive.controller(
         Carts(),
@@ -57,7 +58,7 @@ def controller(max_iterations: int = CAP, **keys: Any) -> Controller:
         prices={"q": (1e6, 1e6)},  # beyond what a goal behind the limit is worth
         measured={"q": Measurement(deviation=1e-5, jump=0.02)},
         disturbance={"tau": 100.0},
-        outputs=["q", "der(q)", "der(q,2)"],
+        servo=servo,
     )
 
 
@@ -104,13 +105,11 @@ class Ride:
 
 @dataclass
 class Replanning:
-    """The bench: program in `place`, its controller; kp, kd: the servo as the law knows it."""
+    """The bench: program in `place`, and its controller."""
 
     law: Controller
     program: Path
     place: Path
-    kp: float = KP
-    kd: float = KD
 
     def robot(self, protocol: str = "egm", start: Sequence[float] = (0.0, 0.0, 0.0), **keys: Any) -> RobotSide:
         mine = {name: keys.pop(name) for name in ("mass", "servo") if name in keys}
@@ -120,8 +119,7 @@ class Replanning:
         return RobotSide(protocol, plant, **theirs)  # type: ignore[arg-type]
 
     def python_loop(self, protocol: str, goals: np.ndarray, law: Controller | None = None) -> PythonLoop:
-        servo = [self.kp] * 6, [self.kd] * 6
-        own = PredictiveLaw(law or self.law, ReferenceTable(goals), 3, protocol == "egm", 4, HOLD, *servo)
+        own = PredictiveLaw(law or self.law, ReferenceTable(goals), 3, protocol == "egm", 4, HOLD)
         limits = LoopLimits(step_m=0.05)
         settings = Settings(dry=False, hold_cycles=HOLD, deceleration_m_s2=DECELERATION, limits=limits)
         return PythonLoop(settings, Exchange(protocol, 3), own)  # type: ignore[arg-type]
@@ -131,8 +129,7 @@ class Replanning:
         table.write_bytes(ReferenceTable(goals).to_bytes())
         log.unlink(missing_ok=True)
         words = f"--peer {protocol} --law predictive --live --hold {HOLD} --deceleration {DECELERATION} --step 0.05 "
-        words += f"--idle-ms 9000 --kp {','.join([repr(self.kp)] * 6)} --kd {','.join([repr(self.kd)] * 6)}"
-        return [*words.split(), "--reference", str(table), "--log", str(log)]
+        return [*words.split(), "--idle-ms", "9000", "--reference", str(table), "--log", str(log)]
 
     def ride(
         self, robot: RobotSide, goals: np.ndarray, cycles: int = CYCLES, spoil: Spoil | None = None, late: int = 0

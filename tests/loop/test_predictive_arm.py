@@ -10,7 +10,8 @@ import gtmodel as gt
 from gtmodel.cgen import generate
 from gtmodel.lang import Model
 from gtmodel.loop import Disturbances, PredictiveLoop, study
-from gtmodel.predictive import ControlHorizon, Measurement
+from gtmodel.loop.one_run import joint_servo
+from gtmodel.predictive import AxisServo, ControlHorizon, Measurement
 from gtmodel.results import Trajectory
 from tests.loop import test_joints
 
@@ -26,6 +27,7 @@ def motion(first: np.ndarray, by: np.ndarray) -> Trajectory:
 
 
 def driven(robot: Model, first: np.ndarray, by: np.ndarray, torque: np.ndarray, place: Path) -> PredictiveLoop:
+    drive = joint_servo(robot, first)
     law = gt.predictive.controller(
         robot,
         ControlHorizon(period=0.004, stages=6, length=0.01, preview=True, causality="inverse"),
@@ -35,7 +37,7 @@ def driven(robot: Model, first: np.ndarray, by: np.ndarray, torque: np.ndarray, 
         limits={"tau": np.column_stack([-torque, torque])},
         measured={"q": Measurement(deviation=3e-4, jump=0.05)},
         disturbance={"tau": 20.0},
-        outputs=["q", "der(q)", "der(q,2)"],
+        servo=AxisServo(drive.kp_N_m, drive.kd_N_s_m),
     )
     functions = {"fk": robot.causal("q", "T"), "inverse_dynamics": robot.causal("q", "tau")}
     generate({**functions, "law": law}, place, name="arm", real="float")
@@ -43,8 +45,11 @@ def driven(robot: Model, first: np.ndarray, by: np.ndarray, torque: np.ndarray, 
                   disturbances=Disturbances(noise=1e-5, seed=1))  # fmt: skip
     assert isinstance(found, PredictiveLoop), found.message
     assert (found.unsolved, found.unread, found.refused, found.skipped) == (0, 0, 0, 0)
-    assert 0.0 < found.force_planned <= torque.max()
-    assert found.servo_rate is not None and found.servo_rate_stable is not None
+    assert found.torque_planned is not None and 0.0 < found.torque_planned <= torque.max()
+    assert found.values["force_planned_N"] is None
+    assert {row.unit for row in found.rows if "largest torque" in row.label} == {"N.m"}
+    assert b"force[0] [N.m]" in found.files["loop_on.csv"]  # type: ignore[operator]
+    assert 0.0 < found.spectral_radius < 1.0
     return found
 
 

@@ -16,7 +16,7 @@ from gtmodel.loop import Disturbances, PredictiveLoop, study
 from gtmodel.loop.build import manifest_of, plan_of
 from gtmodel.loop.loop_study import there_and_back
 from gtmodel.loop.predictive_result import goals_of
-from gtmodel.predictive import ControlHorizon, Controller, Measurement
+from gtmodel.predictive import AxisServo, ControlHorizon, Controller, Measurement
 from gtmodel.results import ArgumentError, Trajectory
 from tests.bench import bench_predictive_loop
 from tests.loop.smooth import smooth
@@ -36,7 +36,7 @@ def controller(stages: int = 20) -> Controller:
         limits={"tau": (-FORCE, FORCE)},
         measured={"q": Measurement(deviation=1e-5, jump=0.02)},
         disturbance={"tau": 100.0},
-        outputs=["q", "der(q)", "der(q,2)"],
+        servo=AxisServo(40_000.0, 1_500.0),
     )
 
 
@@ -108,7 +108,8 @@ def test_a_folder_without_what_the_law_needs_is_refused(heavier: Model, generate
     content = manifest_of(folder)
     (step,) = content["steps"]
     for change in (
-        {"outputs": [m for m in step["outputs"] if m["signal"] != "der(q,2)"]},
+        {"outputs": [m for m in step["outputs"] if m["signal"] != "q.command"]},
+        {"facts": {name: fact for name, fact in step["facts"].items() if name != "stiffness"}},
         {"facts": step["facts"] | {"delay": 17}},
         {"facts": step["facts"] | {"length_ms": 10.5}},
         {"inputs": [*step["inputs"], step["inputs"][0]]},

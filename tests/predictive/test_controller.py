@@ -13,7 +13,7 @@ import scipy
 import gtmodel as gt
 from gtmodel import Status, cgen, der
 from gtmodel.linear.state_space import held
-from gtmodel.predictive import ControlHorizon, Controller, Measurement, controller
+from gtmodel.predictive import AxisServo, ControlHorizon, Controller, Measurement, controller
 from gtmodel.results import ArgumentError
 
 PLAN = 1e-6  # of inputs, relative to 1 + their size: converge() stops at changes of 1e-7
@@ -269,6 +269,12 @@ def test_a_soft_limit_of_a_state_holds_and_a_cheap_one_is_named() -> None:
     assert np.min(cheap.x[:, 1]) < -1.1 and "'v'" in cheap.notes[0]
 
 
+def test_a_goal_beyond_its_own_limit_is_said() -> None:
+    law = cart(limits={"x": (-1.0, 1.0)})
+    assert law.converge([0.5, 0.0], {"x": 0.9}).notes == []
+    assert "'x' is outside its limits" in law.converge([0.5, 0.0], {"x": 1.2}).notes[-1]
+
+
 def test_a_limit_that_is_a_reference_may_drop() -> None:
     class Weak(gt.Optimization):
         limit = gt.parameter(2.0)
@@ -407,6 +413,9 @@ def test_c_of_the_l1_and_of_a_preview_equals_python(tmp_path: Path) -> None:
         ("references", lambda: cart(references=["m"])),
         ("limits.v", lambda: cart(limits={"v": (1.0, -1.0)})),
         ("limits.v", lambda: cart(limits={"v": 1.0})),
+        ("limits.v", lambda: cart(limits={"v": (False, True)})),
+        ("limits.v", lambda: cart(limits={"v": (-1.0, True)})),
+        ("targets", lambda: cart(limits={"x": (-1.0, 1.0)}, targets={"x": 2.0, "v": 0.0})),
         ("measured", lambda: cart(disturbance={"force": 1.0})),
         ("measured", lambda: cart(measured={"v": Measurement(1e-3)}, disturbance={"force": 1.0})),
         ("measured.x", lambda: cart(measured={"x": 1e-3}, disturbance={"force": 1.0})),
@@ -429,8 +438,12 @@ def test_c_of_the_l1_and_of_a_preview_equals_python(tmp_path: Path) -> None:
         ("tolerances", lambda: cart(tolerances={"x": 1e-300, "force": 1.0}, targets={"x": 0.0})),
         ("measured", lambda: cart(measured={"x": Measurement(1e-300)}, disturbance={"force": 1.0})),
         ("goals", lambda: cart().converge([1.0, 0.0], {"x": np.nan})),
-        ("kp", lambda: cart().radius(1.0, 1.0)),
-        ("kd", lambda: cart().radius(1.0)),
+        ("servo", lambda: cart().radius(AxisServo(1.0, 1.0))),
+        ("servo", lambda: cart(servo=AxisServo(1.0, 1.0))),  # nothing is measured
+        ("servo", lambda: observed(servo=1.0)),
+        ("servo.stiffness", lambda: observed(servo=AxisServo((1.0, 1.0), 1.0))),
+        ("servo", lambda: observed(servo=AxisServo(1.0, 1.0)).block()),
+        ("stiffness", lambda: AxisServo(0.0, 1.0)),
         ("measured", lambda: cart().begin().step({"x": 1.0})),
         ("goals", lambda: cart().begin().step({"x": 1.0, "v": 0.0}, {"v": 1.0})),
         ("x", lambda: cart().begin([np.nan, 0.0])),

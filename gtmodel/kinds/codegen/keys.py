@@ -16,7 +16,7 @@ from gtmodel.cgen import Verification
 from gtmodel.fmu.plant_unit import PlantUnit
 from gtmodel.loop.disturbed import Disturbances
 from gtmodel.loop.lead_through.options import Guiding
-from gtmodel.predictive.options import ControlHorizon, Measurement
+from gtmodel.predictive.options import AxisServo, ControlHorizon, Measurement
 from gtmodel.problem_files.base import Context, FileSection, InputError
 from gtmodel.problem_files.from_options import Made, made_from
 from gtmodel.problem_files.keys import Free, RobotProblem
@@ -256,6 +256,9 @@ class PredictiveSection(Made):
     disturbance: dict[str, PositiveFloat] = Field(
         default={}, description="input = standard deviation of its random change in one second; for `measured`"
     )
+    servo: Made[AxisServo] | None = Field(
+        default=None, description="the plant takes positions: servo of its axes, which the controller predicts with"
+    )
     outputs: list[str] = Field(default=[], description="further outputs, at the end of a period")
     prefer: list[str] = Field(default=[], description="names to keep as states")
 
@@ -265,7 +268,9 @@ class PredictiveSection(Made):
             measured = {name: m.options() for name, m in self.measured.items()}
         names = ("tolerances", "targets", "references", "limits", "prices", "disturbance", "outputs", "prefer")
         given = {name: getattr(self, name) for name in names}
-        return predictive.controller(model, self.options(), measured=measured, **given)
+        with naming("servo."):
+            servo = self.servo and self.servo.options()
+        return predictive.controller(model, self.options(), measured=measured, servo=servo, **given)
 
     def key_of(self, argument: str) -> str:
         """Return the key of an argument."""
