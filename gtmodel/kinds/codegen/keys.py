@@ -269,7 +269,7 @@ class PredictiveSection(Made):
         names = ("tolerances", "targets", "references", "limits", "prices", "disturbance", "outputs", "prefer")
         given = {name: getattr(self, name) for name in names}
         with naming("servo."):
-            servo = self.servo and self.servo.options()
+            servo = None if self.servo is None else self.servo.options()
         return predictive.controller(model, self.options(), measured=measured, servo=servo, **given)
 
     def key_of(self, argument: str) -> str:
