@@ -424,8 +424,9 @@ def compile_causal(
             largest sizes of arguments are those at the model's values.
 
     The inputs of the function are the states, the known variables with the derivatives that are needed, and the tunable
-    parameters. Raises ModelError, with file and line of the equations, if the model is wrong or the known variables do
-    not determine the targets; ArgumentError for a parameter that cannot be tunable.
+    parameters. Discrete variables, which only events change, keep their start values. Raises ModelError, with file and
+    line of the equations, if the model is wrong or the known variables do not determine the targets; ArgumentError for
+    a parameter that cannot be tunable.
 
     >>> robot = gt.robots.gantry_tau("l1_tape")
     >>> inverse_dynamics = robot.causal(known="T", targets="tau")
