@@ -14,6 +14,7 @@ from ..lang.source import ModelError
 from ..lang.units import parse_unit
 from .alias import eliminate
 from .flat import FlatModel, FlatVariable
+from .matrices import called
 
 RANK_TOLERANCE = 1e-5  # of singular values, relative to the largest: an assembled shaky point is good to 1e-6
 CLOSED = 1e-11  # largest residual of an assembled point, in m and rad
@@ -79,20 +80,23 @@ class Positions:
 
     def residual(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the constraints (m,) and their derivatives by the coordinates in nominals (m, n)."""
-        g, jacobian = self._system(x)
-        return np.array(g).reshape(-1), np.array(jacobian) * self.nominal
+        g, jacobian = called(self._system, x)
+        return g, self._matrix(jacobian, len(g))
 
     def second(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return the second derivatives of the constraints along v (n,), in nominals: (m,)."""
-        return np.array(self._second(x, v * self.nominal)).reshape(-1)
+        return called(self._second, x, v * self.nominal)[0]
 
     def positions(self, x: np.ndarray) -> dict[int, float]:
         """Return the values of all position variables by index."""
-        return dict(zip(self.variables, np.array(self._values(x)).reshape(-1).tolist(), strict=True))
+        return dict(zip(self.variables, called(self._values, x)[0].tolist(), strict=True))
 
     def moves(self, x: np.ndarray) -> np.ndarray:
         """Return the derivatives of all position variables by the coordinates in nominals (k, n)."""
-        return np.array(self._moves(x)) * self.nominal
+        return self._matrix(called(self._moves, x)[0], len(self.variables))
+
+    def _matrix(self, columns: np.ndarray, height: int) -> np.ndarray:
+        return columns.reshape(len(self.nominal), height).T * self.nominal
 
     def assembled(self, x: np.ndarray, free: np.ndarray | None = None) -> tuple[np.ndarray, float]:
         """Return the assembled point near x and the largest residual left there, in m and rad; only the coordinates
@@ -134,10 +138,10 @@ class Positions:
         if not self.guesses.numel() or not free.any():
             return x
         for _ in range(STEPS // 2):
-            column, jacobian = (np.array(a) for a in self._softly(x))
-            jacobian = jacobian * self.nominal * free
+            column, jacobian = called(self._softly, x)
+            jacobian = self._matrix(jacobian, len(column)) * free
             gram = jacobian.T @ jacobian + 1e-3 * np.eye(len(x))
-            step = -np.linalg.solve(gram, jacobian.T @ column.reshape(-1))
+            step = -np.linalg.solve(gram, jacobian.T @ column)
             longest = float(np.max(np.abs(step)))
             if not np.isfinite(longest) or longest < 1e-6:
                 break
