@@ -17,7 +17,7 @@ def texts() -> dict[Path, str]:
 
 
 def walked(tree: ast.AST) -> list[ast.AST]:
-    """The nodes of `ast.walk` in its order, in half of the time."""
+    """The nodes of `ast.walk` in its order, in 0.6 of the time."""
     nodes = [tree]
     for node in nodes:  # which becomes longer
         for name in node._fields:
