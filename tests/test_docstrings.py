@@ -6,6 +6,7 @@ import ast
 import doctest
 import inspect
 import io
+import linecache
 import multiprocessing
 import pickle
 import re
@@ -100,6 +101,7 @@ def test_examples_run_and_what_they_make_pickles(
     """Of each type the first value that an example of the library makes is pickled; by -m proof every one."""
     seen = set[type]()
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(linecache, "checkcache", lambda *_: None)  # at each example all files read so far: 2 s
     finder, failed, unpickled = doctest.DocTestFinder(recurse=True), [], []
     runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE, verbose=False)
     methods = {} if library else {"Model.causal": gt.Model.causal}  # bound from elsewhere: the finder skips it

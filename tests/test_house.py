@@ -192,7 +192,8 @@ def test_no_folder_is_crowded(folder):
 
 def without_assertion(text: str) -> list[int]:
     """Lines of tests without `assert`, and without a call of raises, warns or of a name with "assert" in it."""
-    tests = (n for n in ast.walk(ast.parse(text)) if isinstance(n, ast.FunctionDef) and n.name.startswith("test_"))
+    nodes = sources.walked(ast.parse(text))
+    tests = (n for n in nodes if isinstance(n, ast.FunctionDef) and n.name.startswith("test_"))
     return [test.lineno for test in tests if not any(_asserts(n) for n in ast.walk(test))]
 
 

@@ -231,7 +231,11 @@ def _content(
     h, error = 1e-3, None
     extended = with_states(what)
     if extended.states:
-        h, error = step_and_error(extended, starts(extended, start or {}), step, tolerance, stop, bool(parameters))
+        begin, guarded = starts(extended, start or {}), bool(parameters)
+        key = ("fmu step", *begin.items(), step, tolerance, stop, guarded)
+        if key not in what.kept:  # the same for both versions
+            what.kept[key] = step_and_error(extended, begin, step, tolerance, stop, guarded)
+        h, error = what.kept[key]
     content, extended = causal_content(
         what, name, title=title, start=start, tunable=tunable, parameters=parameters, hold=on_fault == "hold", step=h,
         part_error=tolerance, stop=stop, provenance=provenance,

@@ -24,7 +24,8 @@ folder, *arguments = sys.argv[1:]
 assert gtmodel.__file__.startswith(folder), gtmodel.__file__
 assert importlib.util.find_spec("gtmodel.robots") is None
 assert not any(name.startswith("gtmodel.robots") for name in sys.modules)
-sys.exit(pytest.main(["-q", "-p", "no:cacheprovider", "-p", "no:xdist", "tests/compiler", *arguments]))
+plain = ["-q", "--assert=plain", "-p", "no:cacheprovider", "-p", "no:xdist"]
+sys.exit(pytest.main([*plain, "tests/compiler", *arguments]))
 """
 
 # language, aliases, blocks of every closed kind and calls
