@@ -98,12 +98,13 @@ def controller(
     if not isinstance(model, Model):
         raise ArgumentError(f"expected a configured model; found {type(model).__name__}", "model")
     agree(horizon, ControlHorizon, "horizon")
+    agree(measured, Mapping[str, Measurement] | None, "measured")
     agree(disturbance, Mapping[str, float] | None, "disturbance")
+    agree(branches, Mapping[str, int] | None, "branches")
+    for name, table in (("tolerances", tolerances), ("targets", targets), ("limits", limits), ("prices", prices)):
+        agree(table, Mapping[str, Any] | None, name)
     for name, texts in (("references", references), ("outputs", outputs), ("prefer", prefer)):
         agree(texts, Sequence[str], name)
-    for name, value in (measured or {}).items():
-        if not isinstance(value, Measurement):
-            raise ArgumentError(f"expected gt.predictive.Measurement(...); found {value!r}", f"measured.{name}")
     agree(servo, AxisServo | None, "servo")
     if servo is not None:
         axes = [name for q in measured or {} for name in axis_signals(q)]

@@ -20,7 +20,7 @@ from .stage import HorizonStage
 
 SX = ca.SX
 KERNELS = ("given", "grade", "pull", "move", "factor")
-PIVOT = 1e-13  # least share of a diagonal entry of the Hessian of the inputs left after elimination: GT_STAGE_QP_PIVOT
+PIVOT = 1e-14  # least share of a diagonal entry of the Hessian of the inputs left after elimination: GT_STAGE_QP_PIVOT
 
 
 def kernels(stage: HorizonStage) -> dict[str, ca.Function]:

@@ -98,6 +98,9 @@ class AxisServo(Options):
         """Return kp and kd, (axes,) each. Raises ArgumentError for another number of them."""
         for name in ("stiffness", "damping"):
             if np.size(getattr(self, name)) not in (1, axes):
-                raise ArgumentError(f"expected 1 or {axes} numbers; found {np.size(getattr(self, name))}", name)
+                raise ArgumentError(
+                    f"expected one number{f', or {axes}' if axes > 1 else ''}; found {np.size(getattr(self, name))}",
+                    name,
+                )
         kp, kd = (np.broadcast_to(np.ravel(g).astype(float), (axes,)) for g in (self.stiffness, self.damping))
         return kp, kd
