@@ -138,8 +138,8 @@ def quantities(bench: Bench, runs: Sequence[OneRun], plan: GeneratedPlan) -> tup
         if bench.peer == "rsi":
             kept = float(np.max(bench.servo.kp_N_m)) * bench.stop.speed_m_s * 1e-3 * CYCLE_MS / 2
             advice = (
-                f"over RSI the servo receives no speeds, so it also holds the axes back within a cycle, by up to kp v T "
-                f"/ 2 = {kept:.3g}: allow this in force_margin, or give the controller a lower limit"
+                "over RSI the servo receives no speeds, so it also holds the axes back within a cycle, by up to "
+                f"kp v T / 2 = {kept:.3g}: allow this in force_margin, or give the controller a lower limit"
             )
         checks[f"asked_{what}"] = at_most(asked[-1], limit + margin, advice)
     if offsets[-1] is not None:

@@ -38,7 +38,7 @@ def law_of(servo: AxisServo | None, delay: int) -> Controller:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(("rate", "delay"), [(5.0, 3), (68.0, 0), (500.0, 0), (500.0, 3)])
+@pytest.mark.parametrize(("rate", "delay"), [(5.0, 3), (500.0, 0)])  # and two cycles below
 def test_the_loop_settles_under_a_servo_of_any_bandwidth_behind_any_delay(rate: float, delay: int) -> None:
     law = law_of(of_rate(rate, 0.5 if delay else 1.0), delay)
     assert law.radius() < 0.995
@@ -71,7 +71,7 @@ def test_a_free_motion_decays_as_the_spectral_radius_says(rate: float, speeds: b
     run, pipe, errors, last = law.begin(), [], [], plant.position_m
     run.state["speeds"] = float(speeds)
     goal, _, _ = rigid()[1](GOAL, np.zeros(3))
-    for _ in range(120):
+    for _ in range(80):
         result = run.step({"q": plant.position_m})
         assert result.status == Status.OK
         u = result.values["q.command"]
@@ -85,8 +85,8 @@ def test_a_free_motion_decays_as_the_spectral_radius_says(rate: float, speeds: b
 
 
 def test_c_equals_python_bit_for_bit(tmp_path: Path) -> None:
-    laws = {"law": law_of(of_rate(200.0, 0.7), 1)}
+    laws = {"law": law_of(of_rate(200.0, 0.6), 2)}
     cgen.generate(laws, tmp_path / "c", name="servo")
-    report = cgen.check(tmp_path / "c", laws, points=60)
+    report = cgen.check(tmp_path / "c", laws, points=30)
     assert report.message.startswith("the C code equals Python bit for bit"), report.message
-    assert report.rows_ok["law"] > 30
+    assert report.rows_ok["law"] > 15
