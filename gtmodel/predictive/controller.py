@@ -292,7 +292,8 @@ class Controller(StepFunction, Portable):
             f"- always: at most {program.qp.max_iterations} iterations; the inputs within their limits",
             f"- planned within their limits, exactly in the linearised stages: {', '.join(hard) or 'nothing'}",
             f"- within their limits if the price allows it: {', '.join(soft) or 'nothing'}",
-            "- not promised: stability, except near the targets with the terminal cost",
+            "- not promised: stability, except near the targets with the terminal cost"
+            + ("" if self.servo is None else "; a safe motion while the motors of the servo saturate"),
             f"- near the targets: the closed loop with the model {under} has a spectral radius of {radius:.3g}"
             + ("" if radius < 1 else ", so it does not settle"),
             f"- without a solution or a usable reading it follows its last plan, up to {horizon.patience} cycles in a "

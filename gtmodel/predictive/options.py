@@ -84,8 +84,9 @@ class AxisServo(Options):
     """Position servo between a predictive controller and its axes: F = kp (u - q) + kd (du - dq).
 
     u, du: commanded position and speed; q, dq: position and speed of the axis. The controller predicts with it, and
-    returns the position to command. Gains in N/m and N s/m, of joints in N m/rad and N m s/rad; one number, or one for
-    each axis.
+    returns the position to command. It knows no saturation: limit the planned forces below those of the motors, by what
+    the servo adds within a cycle (docs/howto/predictive_control.md). Gains in N/m and N s/m, of joints in N m/rad and
+    N m s/rad; one number, or one for each axis.
 
     >>> gt.predictive.AxisServo(stiffness=40.0 * 200.0**2, damping=2 * 0.7 * 200.0 * 40.0).stiffness  # 200 rad/s, 40 kg
     1600000.0

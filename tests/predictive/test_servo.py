@@ -13,7 +13,7 @@ import gtmodel as gt
 from gtmodel import cgen
 from gtmodel.loop import RigidBodyPlant, Servo
 from gtmodel.predictive import AxisServo, ControlHorizon, Controller, Measurement, controller
-from gtmodel.results import Status
+from gtmodel.results import ArgumentError, Status
 
 GOAL = np.array([0.5, -0.9, 0.3])
 INERTIA = np.array([36.6, 27.9, 54.3])  # of the carts at the goal, kg
@@ -82,6 +82,12 @@ def test_a_free_motion_decays_as_the_spectral_radius_says(rate: float, speeds: b
         errors.append(np.abs(plant.position_m - goal).max())
     envelope = SEVERAL * errors[0] * law.radius(speeds=speeds) ** np.arange(len(errors)) + FLOOR
     assert np.all(errors < envelope)
+
+
+def test_a_servo_too_fast_for_the_period_is_refused() -> None:
+    with pytest.raises(ArgumentError) as caught:
+        law_of(of_rate(1e4, 0.7), 0)
+    assert caught.value.argument == "servo"
 
 
 def test_c_equals_python_bit_for_bit(tmp_path: Path) -> None:
