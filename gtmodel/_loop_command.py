@@ -20,7 +20,7 @@ from gtmodel.results.folder import Held, unfinished
 from .problem_files import run as output
 from .problem_files.base import Context, InputError
 from .problem_files.files import parse
-from .problem_files.from_options import options_of
+from .problem_files.from_options import key_of, options_of
 from .problem_files.load import load, validate
 from .problem_files.noted import noted
 from .problem_files.registry import get
@@ -94,7 +94,7 @@ def run(
 
 def _by_option(error: ArgumentError) -> InputError:
     """The study's error about an argument as an error about the option of the command."""
-    where = error.argument if "." in error.argument else ""
+    where = f"{key_of(get('codegen').Schema, error.argument, {})}:" if "." in error.argument else ""
     return InputError(f"{_OPTIONS.get(error.argument, where)} {error.message}".lstrip())
 
 

@@ -5,7 +5,7 @@
 #include "gt_stage_qp_types.h"
 
 /* Least share of a diagonal entry of the Hessian of the inputs that is left after elimination. */
-#define GT_STAGE_QP_PIVOT 1e-13
+#define GT_STAGE_QP_PIVOT 1e-14
 
 /* Adds row' * weight * row to an upper triangle by columns; `to`: where the entry of the row's first variable is. */
 static GT_SHARED void gt_stage_qp_one_row(double *to, const double *a, double weight, int first, int size)

@@ -228,6 +228,7 @@ def study(
             built_before(Path(built), place)
         program = build(Path(folder), place, joints or 3, bool(joints))
         planning = _planning(Path(folder), joints or 3, bool(joints)) if law == "predictive" else None
+        agreed = None if known is None else _agreed(known.servo, planning)
         cycles = max(1, round(1000 * seconds / CYCLE_MS))
         try:
             if lead_through is not None and law == "lead_through":
@@ -267,7 +268,7 @@ def study(
                     bench = replace(bench, goals=_goals(planning, table, bench.axes), servo=planning.servo)
                 if known is not None:
                     _check_start(known, bench)
-                    bench = replace(bench, servo=_agreed(known.servo, planning) or bench.servo)
+                    bench = replace(bench, servo=agreed or bench.servo)
                 outcome = _compared(bench, _title_of(known, law), work.title, planning)
         except LoopError as error:
             outcome = LoopStudy(status=SolveStatus.FAILED, message=str(error), title=work.title)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..results import Check, Quantity, Row, at_least, at_most
 from ..results.study import to_inherit
+from .exchange import CYCLE_MS
 from .loop_result import LoopStudy
 from .predictive_law import PLAN_COUNTERS
 from .process import COLUMNS, rows_of
@@ -134,6 +135,12 @@ def quantities(bench: Bench, runs: Sequence[OneRun], plan: GeneratedPlan) -> tup
     margin = bench.disturbances.force_margin
     if limit is not None and margin is not None:
         advice = "give the controller a lower limit, or the servo a softer damping"
+        if bench.peer == "rsi":
+            kept = float(np.max(bench.servo.kp_N_m)) * bench.stop.speed_m_s * 1e-3 * CYCLE_MS / 2
+            advice = (
+                "over RSI the servo receives no speeds, so it also holds the axes back within a cycle, by up to "
+                f"kp v T / 2 = {kept:.3g}: allow this in force_margin, or give the controller a lower limit"
+            )
         checks[f"asked_{what}"] = at_most(asked[-1], limit + margin, advice)
     if offsets[-1] is not None:
         advice = "the controller does not hold the goal: let it estimate a disturbance of each input"

@@ -98,12 +98,13 @@ def controller(
     if not isinstance(model, Model):
         raise ArgumentError(f"expected a configured model; found {type(model).__name__}", "model")
     agree(horizon, ControlHorizon, "horizon")
+    agree(measured, Mapping[str, Measurement] | None, "measured")
     agree(disturbance, Mapping[str, float] | None, "disturbance")
+    agree(branches, Mapping[str, int] | None, "branches")
+    for name, table in (("tolerances", tolerances), ("targets", targets), ("limits", limits), ("prices", prices)):
+        agree(table, Mapping[str, Any] | None, name)
     for name, texts in (("references", references), ("outputs", outputs), ("prefer", prefer)):
         agree(texts, Sequence[str], name)
-    for name, value in (measured or {}).items():
-        if not isinstance(value, Measurement):
-            raise ArgumentError(f"expected gt.predictive.Measurement(...); found {value!r}", f"measured.{name}")
     agree(servo, AxisServo | None, "servo")
     if servo is not None:
         axes = [name for q in measured or {} for name in axis_signals(q)]
@@ -291,7 +292,8 @@ class Controller(StepFunction, Portable):
             f"- always: at most {program.qp.max_iterations} iterations; the inputs within their limits",
             f"- planned within their limits, exactly in the linearised stages: {', '.join(hard) or 'nothing'}",
             f"- within their limits if the price allows it: {', '.join(soft) or 'nothing'}",
-            "- not promised: stability, except near the targets with the terminal cost",
+            "- not promised: stability, except near the targets with the terminal cost"
+            + ("" if self.servo is None else "; a safe motion while the motors of the servo saturate"),
             f"- near the targets: the closed loop with the model {under} has a spectral radius of {radius:.3g}"
             + ("" if radius < 1 else ", so it does not settle"),
             f"- without a solution or a usable reading it follows its last plan, up to {horizon.patience} cycles in a "

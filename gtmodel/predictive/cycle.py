@@ -220,7 +220,10 @@ def text_of(controller: Controller, symbol: str, real: Real) -> str:
         "plan_v": count * m, "start": of.sides, "data": count * qp.stage.numbers, "last_data": qp.last.numbers,
         "command": forces, "shown": shown, **({"sent": (delay + 2) * m} if c.before else {}),
     }  # fmt: skip
-    locals_ = "".join(f"    double {k}[{max(1, size)}];\n" for k, size in numbers.items())
+    # an array of nothing is initialised: its address is passed on
+    locals_ = "".join(
+        f"    double {k}[{size}];\n" if size else f"    double {k}[1] = {{0.0}};\n" for k, size in numbers.items()
+    )
     first = ", ".join(decimal(v) for v in c.first)
     at = f"&p[k * {np_}]" if horizon.preview else "p"
     end = f"&p[{count * np_}]" if horizon.preview else "p"

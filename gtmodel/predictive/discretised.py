@@ -390,10 +390,15 @@ def _standstill(s: Statement) -> Standstill:
     )
     forces = forces[:, 0]
     largest = np.abs(rates).max(initial=0.0)
-    if not (largest <= STANDSTILL and all(np.all(np.isfinite(v)) for v in (J, G, J_p, G_p, forces))):
+    if not all(np.all(np.isfinite(v)) for v in (J, G, J_p, G_p, rates, forces)):
         raise ArgumentError(
-            f"no standstill with finite slopes was found at the targets, from the start values and inputs of 0; the "
-            f"largest rate is {largest:.3g} there", "targets",
+            "the equations or their slopes are not finite at the targets, as out of a robot's reach: move the targets",
+            "targets",
+        )
+    if largest > STANDSTILL:
+        raise ArgumentError(
+            f"no standstill was found at the targets, from the start values and inputs of 0, but a rate of "
+            f"{largest:.3g}: give targets that inputs can hold, or start values nearer to them", "targets",
         )  # fmt: skip
     room = STANDSTILL * (1 + np.abs(forces))
     if beyond := np.flatnonzero((forces < s.force_low - room) | (forces > s.force_high + room)).tolist():

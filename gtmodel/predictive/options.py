@@ -84,8 +84,9 @@ class AxisServo(Options):
     """Position servo between a predictive controller and its axes: F = kp (u - q) + kd (du - dq).
 
     u, du: commanded position and speed; q, dq: position and speed of the axis. The controller predicts with it, and
-    returns the position to command. Gains in N/m and N s/m, of joints in N m/rad and N m s/rad; one number, or one for
-    each axis.
+    returns the position to command. It knows no saturation: limit the planned forces below those of the motors, by what
+    the servo adds within a cycle (docs/howto/predictive_control.md). Gains in N/m and N s/m, of joints in N m/rad and
+    N m s/rad; one number, or one for each axis.
 
     >>> gt.predictive.AxisServo(stiffness=40.0 * 200.0**2, damping=2 * 0.7 * 200.0 * 40.0).stiffness  # 200 rad/s, 40 kg
     1600000.0
@@ -98,6 +99,9 @@ class AxisServo(Options):
         """Return kp and kd, (axes,) each. Raises ArgumentError for another number of them."""
         for name in ("stiffness", "damping"):
             if np.size(getattr(self, name)) not in (1, axes):
-                raise ArgumentError(f"expected 1 or {axes} numbers; found {np.size(getattr(self, name))}", name)
+                raise ArgumentError(
+                    f"expected one number{f', or {axes}' if axes > 1 else ''}; found {np.size(getattr(self, name))}",
+                    name,
+                )
         kp, kd = (np.broadcast_to(np.ravel(g).astype(float), (axes,)) for g in (self.stiffness, self.damping))
         return kp, kd

@@ -29,6 +29,7 @@ NEEDS = (
 )
 ROUNDED = 1e-6  # relative size of the last term of the series
 ELSEWHERE = 1.5  # axes may have so much higher natural frequencies at other states than at the targets
+FASTEST = 25.0  # radians in a period, at such states: of a longer series round-off is left
 
 
 def axis_signals(q: str) -> list[str]:
@@ -67,6 +68,12 @@ class ServoedAxes(Portable):
         self._per_force = self._rates[:, n:] @ back
         self.holding = q0[:, 0] + force[:, 0] / self.kp
         fastest = ELSEWHERE * period * float(np.abs(np.linalg.eigvals(self._slope(self.kp, self.kd))).max())
+        if fastest > FASTEST:
+            raise ArgumentError(
+                f"it moves the axes at up to {fastest / (ELSEWHERE * period):.3g} rad/s, too fast to predict over a "
+                f"period of {period:g} s: expected at most {FASTEST / (ELSEWHERE * period):.3g}; give it a lower "
+                "stiffness or damping", "servo",
+            )  # fmt: skip
         size, self._terms = 1.0, 2
         while size > ROUNDED or self._terms < fastest:
             self._terms += 1

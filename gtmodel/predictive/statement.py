@@ -27,6 +27,7 @@ from ..lang.source import ModelError
 from ..optimize.formulation.dynamic import DynamicProblem
 from ..optimize.formulation.horizon import declared_name, start_of
 from ..optimize.formulation.problem import build
+from ..results.agreement import described
 from ..results.refusal import ArgumentError
 from .options import Measurement, numbers
 
@@ -176,7 +177,12 @@ class Reader:
         """Numbers of a name, one for each entry."""
         array = numbers(at[name], f"{argument}.{name}")
         if array.size not in (1, size) or not np.all(np.isfinite(array)):
-            raise ArgumentError(f"expected {size} finite numbers; found {at[name]!r}", f"{argument}.{name}")
+            raise ArgumentError(
+                f"expected finite numbers, 1 or {size}; found {at[name]!r}"
+                if size > 1
+                else f"expected a finite number; found {at[name]!r}",
+                f"{argument}.{name}",
+            )
         return np.broadcast_to(array.ravel(), (size,)).copy()
 
 
@@ -276,7 +282,8 @@ class _Assembly:
         for signal in reader.limited:
             pairs = numbers(wishes.limits[signal.name], f"limits.{signal.name}")
             if pairs.shape not in ((2,), (signal.size, 2)) or np.any(np.isnan(pairs)):
-                raise ArgumentError(f"expected [low, high], or one pair for each of {signal.size} entries",
+                several = f", or {signal.size} such pairs" if signal.size > 1 else ""
+                raise ArgumentError(f"expected [low, high]{several}; found {described(wishes.limits[signal.name])}",
                                     f"limits.{signal.name}")  # fmt: skip
             for k, (a, b) in enumerate(np.broadcast_to(pairs, (signal.size, 2)).tolist()):
                 name = signal.name if signal.size == 1 else f"{signal.name}[{k}]"

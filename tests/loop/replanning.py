@@ -33,7 +33,7 @@ KP, KD = 40_000.0, 1_500.0
 SERVO = AxisServo(KP, KD)
 GOAL = np.array([0.2, -0.1, 0.15])
 CAP = 60  # iterations in a cycle: a soft limit that is crossed takes about 35 from a cold start
-CYCLES = 200  # 0.8 s
+CYCLES = 150  # 0.6 s
 
 
 class Carts(gt.Model):

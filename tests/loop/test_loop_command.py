@@ -12,7 +12,7 @@ from gtmodel.cli import main
 from gtmodel.problem_files.base import Context, InputError
 from gtmodel.problem_files.load import load
 from gtmodel.problem_files.run import Finished, context_of, generate
-from gtmodel.results import SolveStatus
+from gtmodel.results import ArgumentError, SolveStatus
 from gtmodel.results.disk import marked
 from gtmodel.results.folder import holding
 from tests.loop.smooth import smooth
@@ -96,6 +96,17 @@ def test_options_are_refused_before_any_folder(motion: Path, tmp_path: Path, opt
 def test_a_folder_that_is_not_generated_is_refused(motion: Path, place: Path) -> None:
     with pytest.raises(InputError, match=r"holds no manifest\.json"):
         run(Path("nothing"), place, motion)
+
+
+def test_an_error_about_the_plant_names_the_key_of_the_file(
+    folder: Path, motion: Path, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*arguments: object, **options: object) -> None:
+        raise ArgumentError("another one", "plant.stiffness")
+
+    monkeypatch.setattr(_loop_command, "study", refused)
+    with pytest.raises(InputError, match=r"^plant\.stiffness_N_m: another one"):
+        run(folder, place, motion)
 
 
 def test_an_interrupted_run_writes_nothing(folder: Path, motion: Path, place: Path) -> None:

@@ -284,12 +284,19 @@ def test_rsi_goes_on_with_its_plan(bench: Replanning, lost: int) -> None:
     assert np.abs(ride.axes("force")).max() <= FORCE
 
 
-@pytest.mark.parametrize(("peer", "rate"), [("egm", 22.0), ("egm", 200.0), ("rsi", 500.0)])
-def test_servos_of_any_bandwidth_are_taken(bench: Replanning, peer: str, rate: float) -> None:
+@pytest.mark.parametrize(
+    ("peer", "rate", "cycles"),
+    [
+        ("egm", 22.0, 125),
+        *[pytest.param(*of, marks=pytest.mark.proof) for of in (("egm", 200.0, 150), ("rsi", 500.0, 200))],
+    ],
+)
+def test_servos_of_any_bandwidth_are_taken(bench: Replanning, peer: str, rate: float, cycles: int) -> None:
     """By the twin of the law in Python; the carts are a fifth heavier than the controller and its servo know."""
     kp, kd = rate**2 * MASS, 1.2 * rate * MASS
     law = controller(servo=AxisServo(kp, kd))
-    ride = bench.twin(bench.robot(peer, servo=Servo(kp, kd, 32), mass=1.2 * MASS, noise=1e-5, seed=1), goals(), law=law)
+    robot = bench.robot(peer, servo=Servo(kp, kd, 32), mass=1.2 * MASS, noise=1e-5, seed=1)
+    ride = bench.twin(robot, np.tile(GOAL, (cycles, 1)), cycles, law=law)
     assert STATES[int(ride["state"][-1])] == "running"
     assert np.abs(ride.measured[-1] - GOAL).max() < NEAR_M
     assert law.radius() < 1

@@ -383,11 +383,12 @@ def test_the_l1_with_another_payload_reaches_its_goal_behind_two_cycles() -> Non
     [("double", 200), pytest.param("float", 12, marks=pytest.mark.proof)],
 )
 def test_c_equals_python_bit_for_bit(real: str, points: int, tmp_path: Path) -> None:
-    laws = {"observed": observed(outputs=["v"])}
+    bare = cart(ControlHorizon(period=0.05, stages=1), references=[], limits={})  # no filter, delay, goal or soft limit
+    laws = {"observed": observed(outputs=["v"]), "bare": bare}
     cgen.generate(laws, tmp_path / "c", name="mpc", real=real)
     report = cgen.check(tmp_path / "c", laws, points=points)
     assert report.message.startswith("the C code equals Python bit for bit"), report.message
-    assert report.rows_ok["observed"] > points / 2
+    assert all(report.rows_ok[name] > points / 2 for name in laws)
     assert '"max_iterations": 25' in (tmp_path / "c" / "manifest.json").read_text()
 
 
@@ -404,6 +405,9 @@ def test_c_of_the_l1_and_of_a_preview_equals_python(tmp_path: Path) -> None:
     [
         ("length", lambda: ControlHorizon(period=0.05, stages=20, length=0.01)),
         ("tolerances", lambda: cart(tolerances={}, targets={})),
+        ("tolerances", lambda: cart(tolerances=["x"])),
+        ("limits", lambda: cart(limits=["v"])),
+        ("measured", lambda: cart(measured=["x"])),
         ("tolerances", lambda: cart(tolerances={"y": 1.0}, targets={})),
         ("tolerances.x", lambda: cart(tolerances={"x": 0.0}, targets={"x": 0.0})),
         ("tolerances", lambda: controller(VanDerPol(), ControlHorizon(period=0.1, stages=5), tolerances={"x1": 1.0})),

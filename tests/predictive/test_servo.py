@@ -13,7 +13,7 @@ import gtmodel as gt
 from gtmodel import cgen
 from gtmodel.loop import RigidBodyPlant, Servo
 from gtmodel.predictive import AxisServo, ControlHorizon, Controller, Measurement, controller
-from gtmodel.results import Status
+from gtmodel.results import ArgumentError, Status
 
 GOAL = np.array([0.5, -0.9, 0.3])
 INERTIA = np.array([36.6, 27.9, 54.3])  # of the carts at the goal, kg
@@ -26,18 +26,19 @@ def of_rate(rate: float, damping: float) -> AxisServo:
     return AxisServo(tuple(rate**2 * INERTIA), tuple(2 * damping * rate * INERTIA))
 
 
-def law_of(servo: AxisServo | None, delay: int, stages: int = 12) -> Controller:
+@cache
+def law_of(servo: AxisServo | None, delay: int) -> Controller:
+    """A short horizon: with the cost after it, the gains are those of any other."""
     return controller(
         gt.robots.gantry_tau("l1_tape", inertia="model_2"),
-        ControlHorizon(period=PERIOD, stages=stages, length=0.02, delay=delay, causality="inverse"),
+        ControlHorizon(period=PERIOD, stages=4, length=0.02, delay=delay, causality="inverse"),
         tolerances={"T": 0.001, "der(T)": 0.1, "der(T,2)": 10.0}, targets={"T": GOAL}, references=["T"],
         limits={"tau": (-700.0, 700.0)}, measured={"q": Measurement(deviation=1e-5, jump=0.02)},
         disturbance={"tau": 100.0}, servo=servo,
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("delay", [0, 3])
-@pytest.mark.parametrize("rate", [5.0, 68.0, 500.0])
+@pytest.mark.parametrize(("rate", "delay"), [(5.0, 3), (500.0, 0)])  # and two cycles below
 def test_the_loop_settles_under_a_servo_of_any_bandwidth_behind_any_delay(rate: float, delay: int) -> None:
     law = law_of(of_rate(rate, 0.5 if delay else 1.0), delay)
     assert law.radius() < 0.995
@@ -70,7 +71,7 @@ def test_a_free_motion_decays_as_the_spectral_radius_says(rate: float, speeds: b
     run, pipe, errors, last = law.begin(), [], [], plant.position_m
     run.state["speeds"] = float(speeds)
     goal, _, _ = rigid()[1](GOAL, np.zeros(3))
-    for _ in range(120):
+    for _ in range(80):
         result = run.step({"q": plant.position_m})
         assert result.status == Status.OK
         u = result.values["q.command"]
@@ -83,9 +84,15 @@ def test_a_free_motion_decays_as_the_spectral_radius_says(rate: float, speeds: b
     assert np.all(errors < envelope)
 
 
+def test_a_servo_too_fast_for_the_period_is_refused() -> None:
+    with pytest.raises(ArgumentError) as caught:
+        law_of(of_rate(1e4, 0.7), 0)
+    assert caught.value.argument == "servo"
+
+
 def test_c_equals_python_bit_for_bit(tmp_path: Path) -> None:
-    laws = {"law": law_of(of_rate(200.0, 0.7), 1, stages=4)}
+    laws = {"law": law_of(of_rate(200.0, 0.6), 2)}
     cgen.generate(laws, tmp_path / "c", name="servo")
-    report = cgen.check(tmp_path / "c", laws, points=60)
+    report = cgen.check(tmp_path / "c", laws, points=30)
     assert report.message.startswith("the C code equals Python bit for bit"), report.message
-    assert report.rows_ok["law"] > 30
+    assert report.rows_ok["law"] > 15
