@@ -74,8 +74,8 @@ def test_the_unit_of_the_option_and_that_of_the_file_do_the_same(
     [
         ([], [], "--plant is missing"),
         ([], ["--plant", "none.fmu"], "--plant none.fmu: there is no such file"),
-        (['plant.position=["q[1]", "q[2]", "q_3"]'], ["--plant", "robot.fmu"], "plant.position "),
-        (['plant.units={position="mm"}'], ["--plant", "robot.fmu"], "plant.units "),
+        (['plant.position=["q[1]", "q[2]", "q_3"]'], ["--plant", "robot.fmu"], "plant.position"),
+        (['plant.units={position="mm"}'], ["--plant", "robot.fmu"], "plant.units"),
         (None, ["--plant", "robot.fmu"], "no table [plant]"),
         (None, ["--plant-timeout", "5"], "--plant-timeout 5.0: the folder's problem has no table [plant]"),
         ([], ["--plant", "robot.fmu", "--plant-timeout", "-1"], "--plant-timeout "),
