@@ -30,7 +30,7 @@ SHAKEN := tests/robots/test_six_link.py::test_declared_branches_reach_the_invers
 
 help:
 	@echo "make demo         solve the time-optimal motion of the L1 prototype, then generate and check its C code"
-	@echo "make test         lint, types and all tests: what CI runs; about 18 minutes on two cores"
+	@echo "make test         lint, types and all tests: what CI runs; about 16 minutes on two cores"
 	@echo "make kind KIND=reach  check one kind of problem: what holds for all kinds, its own tests and its page"
 	@echo "make proof        long statistics, formal checks, and the notebooks and pages that make test leaves out"
 	@echo "make bench        benchmarks and rivals"
@@ -49,7 +49,7 @@ demo: $(VENV)/.core
 	$(BIN)/gtmodel codegen problems/l1_controller.toml -o build/l1 --check
 
 test: $(VENV)/.dev
-	@echo "lint, types and all tests: about 18 minutes on two cores, JOBS=4 on four is faster"
+	@echo "lint, types and all tests: about 16 minutes on two cores, JOBS=4 on four is faster"
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	@$(MAKE) --no-print-directory --jobs=2 types pytest
