@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
+from typer.exceptions import TyperException
 
 from gtmodel import _terminal as terminal
 
@@ -103,3 +104,22 @@ def print_json(data: dict[str, Any]) -> None:
     except UnicodeEncodeError:  # JSON can escape every character
         text = line(data, ascii_only=True)
     print(text)
+
+
+def refused(error: TyperException, words: list[str], commands: set[str]) -> int:
+    """Answer a wrong option, or no command at all, by one sentence; return the exit code."""
+    from gtmodel._near import plain
+
+    sentence = plain(error.format_message().rstrip("."), words, commands)
+    if not words:
+        print(sentence)
+        return error.exit_code
+    called = " ".join(["gtmodel", *words[:1]])
+    command = called if words[0] in commands else "gtmodel"
+    print(f"{called}: {sentence}; '{command} --help' shows the options.", file=sys.stderr)
+    if "--json" in words:
+        from gtmodel.results import SolveStatus, Study
+        from gtmodel.results.as_json import summary
+
+        print_json(summary("", None, Study(status=SolveStatus.BAD_INPUT, message=sentence), 0.0))
+    return 2

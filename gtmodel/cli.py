@@ -22,7 +22,7 @@ from typer.exceptions import TyperException
 from typer.main import get_command
 
 from gtmodel import _terminal as terminal
-from gtmodel._answer import answering, print_json
+from gtmodel._answer import answering, refused
 
 app = typer.Typer(
     help="Kinematics, dynamics, optimal motions and C code of robots, from one set of equations.",
@@ -275,13 +275,10 @@ def new(
         ),
     ],
     name: Annotated[
-        str | None,
-        typer.Argument(metavar="NAME", help="Name of the new file, without ending; the first word if left out."),
+        str | None, typer.Argument(metavar="NAME", help="New file, without ending; the first word if left out.")
     ] = None,
     kind: Annotated[
-        str | None,
-        typer.Option("--kind", metavar="KIND", autocompletion=_beginnings,
-                     help="Kind of a new problem: new problem NAME --kind KIND is new KIND NAME."),
+        str | None, typer.Option(metavar="KIND", autocompletion=_beginnings, help="Kind, after the word problem.")
     ] = None,
     log: Annotated[
         Path | None, typer.Option("--from", metavar="LOG", help="Recording of a calibration: its columns and units.")
@@ -583,21 +580,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = _whole()(args=words, prog_name="gtmodel", standalone_mode=False)
         sys.stdout.flush()
     except TyperException as error:  # a wrong option, or no command at all
-        from gtmodel._near import plain
-
-        sentence = plain(error.format_message().rstrip("."), words, _commands())
-        if not words:
-            print(sentence)
-            return error.exit_code
-        called = " ".join(["gtmodel", *words[:1]])
-        command = called if words[0] in _commands() else "gtmodel"
-        print(f"{called}: {sentence}; '{command} --help' shows the options.", file=sys.stderr)
-        if "--json" in words:
-            from gtmodel.results import SolveStatus, Study
-            from gtmodel.results.as_json import summary
-
-            print_json(summary("", None, Study(status=SolveStatus.BAD_INPUT, message=sentence), 0.0))
-        return 2
+        return refused(error, words, _commands())
     except BrokenPipeError:  # the reader closed the pipe, as in `gtmodel list | head`
         terminal.hush()
         return 1
