@@ -8,7 +8,7 @@ import casadi as ca
 
 from ..lang.bind import Tree, element_names
 from ..lang.connect import Connection
-from ..lang.declare import Variable
+from ..lang.declarations import Variable
 from ..lang.expression import row_by_row
 from ..lang.model import Connector, Model
 from ..lang.source import ModelError, SourceLocation

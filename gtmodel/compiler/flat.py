@@ -16,7 +16,7 @@ from .._pickling import Interned, Portable
 from ..lang.bind import ParameterRecord, Tree, bind, element_names
 from ..lang.builder import Builder
 from ..lang.connect import Branch, Connection, Energy, JointConstraint, Loops, TreeEdge, flatten_items
-from ..lang.declare import Declaration
+from ..lang.declarations import Declaration
 from ..lang.events import When
 from ..lang.expression import Relation
 from ..lang.model import Model

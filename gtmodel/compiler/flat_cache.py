@@ -14,7 +14,7 @@ import numpy as np
 from .._near import meant
 from ..lang.bind import ParameterRecord, VariableRecord
 from ..lang.builder import Builder
-from ..lang.declare import Declaration, Parameter
+from ..lang.declarations import Declaration, Parameter
 from ..lang.identity import Content
 from ..lang.model import Model
 from ..lang.optimization import Optimization

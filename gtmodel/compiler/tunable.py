@@ -13,7 +13,7 @@ import numpy as np
 
 from .._lazy import hint
 from ..lang.bind import ParameterRecord
-from ..lang.declare import Declaration, Parameter
+from ..lang.declarations import Declaration, Parameter
 from ..lang.source import ModelError
 from ..results.refusal import ArgumentError
 from .derivative import depends

@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from .declare import Declaration, Discrete, Each, Free, Outer, Parameter, Part, Port, Variable
+from .declarations import Declaration, Discrete, Each, Free, Outer, Parameter, Part, Port, Variable
 from .expression import Expr, gathered, operand, row_by_row
 from .model import Connector, Model, check_modifiers, walk_declarations
 from .scope import Scope

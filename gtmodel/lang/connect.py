@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from .declare import Port
+from .declarations import Port
 from .expression import Expr, Relation
 from .model import Connector, Model
 from .slips import CallError, named

@@ -11,7 +11,8 @@ import numpy as np
 from .._near import meant, near
 from .._pickling import Interned, Portable
 from . import functions as _functions  # noqa: F401  # fills UFUNCS: NumPy on the left of an expression
-from .declare import ATTRIBUTES, Declaration, Discrete, Each, Free, Outer, Parameter, Part, Port, Variable, variable
+from .declarations import Declaration, Discrete, Each, Free, Outer, Parameter, Part, Port, Variable
+from .declare import ATTRIBUTES, variable
 from .expression import Expr
 from .source import ModelError, SourceLocation, here
 from .values import check_parameter

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 
-from .declare import Variable
+from .declarations import Variable
 from .expression import ONE, Expr
 from .model import Model
 from .scope import Instant, Misfit

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from .declare import Declaration, Kind, Parameter
+from .declarations import Declaration, Kind, Parameter
 from .slips import floats, shortened
 from .source import ModelError, SourceLocation
 

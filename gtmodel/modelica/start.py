@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler.causal import flat_of
-from ..lang.declare import Free, Variable
+from ..lang.declarations import Free, Variable
 from ..lang.model import Model
 from ..lang.optimization import Optimization
 from ..lang.source import ModelError

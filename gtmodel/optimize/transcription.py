@@ -12,7 +12,7 @@ import numpy as np
 from .._pickling import Portable
 from ..compiler.causal import flat_of
 from ..compiler.flat import FlatModel, flatten
-from ..lang.declare import Parameter
+from ..lang.declarations import Parameter
 from ..lang.optimization import Optimization
 from ..lang.source import ModelError
 from ..results.trajectory import Trajectory

@@ -16,7 +16,7 @@ import numpy as np
 from .._near import meant
 from ..compiler.causal import flat_of
 from ..lang import Model, ModelError
-from ..lang.declare import Declaration, Parameter
+from ..lang.declarations import Declaration, Parameter
 from ..results import ArgumentError, Trajectory
 from .bodies import COLOURS, VisibleBody
 from .poses import poses_of, size_of

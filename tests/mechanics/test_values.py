@@ -12,7 +12,7 @@ import gtmodel as gt
 from gtmodel import mechanics, robots
 from gtmodel.compiler.causal import flat_of
 from gtmodel.geometry.rotations import rotation_about
-from gtmodel.lang.declare import Parameter
+from gtmodel.lang.declarations import Parameter
 from gtmodel.lang.values import check_parameter
 from gtmodel.mechanics import LinkBody
 from gtmodel.robots import cart, f1_geometry, inverse_model, six_link, three_link, with_wrist

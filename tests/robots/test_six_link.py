@@ -13,7 +13,7 @@ import pytest
 import gtmodel as gt
 from gtmodel import Status
 from gtmodel.compiler.flat import flatten
-from gtmodel.lang.declare import Parameter
+from gtmodel.lang.declarations import Parameter
 from gtmodel.robots.six_link import ARM, SixLink, six_link_gantry_tau
 from tests.mechanics.balance import power_balance
 from tests.oracle.six_link import SixLinkByHand, rotation

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...lang.bind import ParameterRecord, Tree
 from ...lang.condition import Condition
-from ...lang.declare import Discrete, Variable
+from ...lang.declarations import Discrete, Variable
 from ...lang.events import EnergyLoss, Reinit, SampledBlock, Termination, When
 from ...lang.expression import Relation
 from ...lang.model import Model
